@@ -1,5 +1,8 @@
-"""Errors that are the user's to mend: one clear line, never a traceback."""
+"""What went wrong and can be put right by the one who called."""
 
 
 class UserError(Exception):
-    """Unusable input: names the file, the key or row, what was found and what would be right. Exit code 2."""
+    """Unusable input. The message names the file, the key or row, what was found and what would be right.
+
+    The command line prints it as one line and ends with exit code 2.
+    """
