@@ -9,20 +9,25 @@
 .DEFAULT_GOAL := help
 .PHONY: help setup egl land test check clean
 VENV := .venv
+PACKAGES := $(VENV)/.packages
 STAMP := $(VENV)/.installed
+PIP := $(VENV)/bin/python -m pip --disable-pip-version-check install --quiet --no-deps
 
 help:
 	@sed -n 's/^#   //p' Makefile
 
 setup: $(STAMP) egl
 
-# The stamp is written last: a set-up that was broken off starts again from nothing.
-$(STAMP): requirements.lock pyproject.toml
+# Stamps are written last: what was broken off starts again.
+$(PACKAGES): requirements.lock
 	@python=$$(tools/find-python) && rm -rf $(VENV) && \
-	echo "helideck: making $(VENV) with $$($$python -V), $$(grep -c == requirements.lock) packages (a minute or two)" && \
+	echo "helideck: making $(VENV) with $$($$python -V), $$(grep -c == requirements.lock) packages (about a minute)" && \
 	$$python -m venv $(VENV)
-	@$(VENV)/bin/python -m pip --disable-pip-version-check install --quiet --only-binary :all: --no-deps --no-compile -r requirements.lock
-	@$(VENV)/bin/python -m pip --disable-pip-version-check install --quiet --no-deps --no-build-isolation -e .
+	@$(PIP) --only-binary :all: --no-compile -r requirements.lock
+	@touch $@
+
+$(STAMP): $(PACKAGES) pyproject.toml
+	@$(PIP) --no-build-isolation -e .
 	@touch $@
 
 egl: $(STAMP)
