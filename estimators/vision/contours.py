@@ -1,0 +1,88 @@
+"""Contours of a binary picture that may be a given flat mark, before any pose is known (Lei 2012, section 2.2.1)."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.vision.moments import affine_invariants, central_moments, mismatch
+
+Floats = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeTemplate:
+    """What a mark's shape is known by under any affine map."""
+
+    invariants: Floats  # (5,) I1, I2, I3, I6, I7
+    solidity: float  # area over area of its convex hull
+
+    @classmethod
+    def of(cls, outline: Floats, resolution: float = 400.0) -> "ShapeTemplate":
+        """The template of an outline (N, 2), rasterised with its larger side `resolution` pixels long."""
+        low, high = outline.min(axis=0), outline.max(axis=0)
+        scale = resolution / (high - low).max()
+        shift = 4
+        corners = np.rint(((outline - low) * scale + 2.0) * 2**shift).astype(np.int32)
+        mask = np.zeros(np.ceil((high - low)[::-1] * scale + 5).astype(int), np.uint8)
+        cv2.fillPoly(mask, [corners], 255, cv2.LINE_8, shift)
+        flat = outline.astype(np.float32)
+        solidity = cv2.contourArea(flat) / cv2.contourArea(cv2.convexHull(flat))
+        return cls(affine_invariants(central_moments(mask)), float(solidity))
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One contour that passed the preliminary rejection."""
+
+    contour: NDArray[np.int32]  # (N, 1, 2) [px] through the centres of the outermost pixels
+    area: float  # [px^2] of the mask with its holes filled
+    mismatch: float  # equation 4 against the template
+
+
+def candidates(
+    mask: Image,
+    template: ShapeTemplate,
+    *,
+    area: tuple[float, float],
+    worst: float = 0.6,
+    solidity_margin: float = 0.16,
+    longest_side_ratio: float = 2.2,
+) -> list[Candidate]:
+    """Contours of the mask (H, W) that match the template, best first.
+
+    area: least and largest [px^2]. Contours that touch the mask's border are left out: they may be cut.
+    """
+    contours, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    if hierarchy is None:
+        return []
+    outer = hierarchy.reshape(-1, 4)[:, 3] < 0
+    # an outline of area A is at least as long as that of a disc
+    shortest = 2.0 * np.sqrt(np.pi * area[0]) * 0.8
+    height, width = mask.shape
+    found = []
+    for contour, is_outer in zip(contours, outer, strict=True):
+        if not is_outer or len(contour) < shortest:
+            continue
+        x, y, w, h = cv2.boundingRect(contour)
+        if x <= 0 or y <= 0 or x + w >= width or y + h >= height:
+            continue
+        if not area[0] * 0.5 <= cv2.contourArea(contour) <= area[1]:
+            continue
+        filled = np.zeros((h, w), np.uint8)
+        cv2.drawContours(filled, [contour], -1, 255, cv2.FILLED, offset=(-x, -y))
+        pixels = float(cv2.countNonZero(filled))
+        hull = cv2.convexHull(contour)
+        # the hull runs through pixel centres: half a pixel more all around
+        hull_area = cv2.contourArea(hull) + 0.5 * cv2.arcLength(hull, True) + 1.0
+        if not area[0] <= pixels <= area[1] or abs(pixels / hull_area - template.solidity) > solidity_margin:
+            continue
+        sides = sorted(cv2.minAreaRect(contour)[1])
+        if sides[1] > longest_side_ratio * max(sides[0], 1.0):
+            continue
+        value = mismatch(affine_invariants(central_moments(filled)), template.invariants)
+        if value <= worst:
+            found.append(Candidate(contour, pixels, value))
+    return sorted(found, key=lambda candidate: candidate.mismatch)

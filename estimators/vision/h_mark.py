@@ -1,0 +1,277 @@
+"""The H pad's front end: finds the mark without knowledge, follows it with a prediction, and goes on when it is cut.
+
+Finding: threshold in the region of interest, median, contours, affine moments, pose from area and second moments on
+the level plane, edge fit (Lei 2012 section 2.2.1, and sub-pixel edges). Following: edge fit from the prediction.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.vision.contours import Candidate, ShapeTemplate, candidates
+from estimators.vision.edge_fit import EdgeFit, OutlineSamples, fit_outline
+from estimators.vision.pose import (
+    LevelAxes,
+    MarkPose,
+    from_pad_plane,
+    level_axes,
+    on_pad_plane,
+    place,
+    wrap_axis,
+)
+from estimators.vision.sighting import PadPrediction, PadSighting
+from estimators.vision.threshold import local_mask, modified_otsu, otsu
+from flightlog.camera import CameraModel, CameraMount
+from flightlog.marks import HMark
+
+Floats = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+SMALLEST_SIDE = 22.0  # [px] a mark smaller than this has strokes of some 4 px: no edges of their own
+SHARPEST_REACH = 10.0  # [px] search on one level of the pyramid
+RAGGED = 0.9  # [px] RMS beyond which edges are not the mark's; chance edges give 1.7
+LEAST_CONTRAST = 8.0  # [grey levels]
+GATE = 5.0  # standard deviations between prediction and a cut or tracked mark
+
+
+def reduced(image: Image, camera: CameraModel, factor: int) -> tuple[Image, CameraModel]:
+    """Picture (H, W) and camera with `factor` x `factor` pixels averaged into one."""
+    if factor == 1:
+        return image, camera
+    height, width = image.shape[0] // factor, image.shape[1] // factor
+    small = cv2.resize(
+        image[: height * factor, : width * factor], (width, height), interpolation=cv2.INTER_AREA
+    ).astype(np.uint8, copy=False)
+    return small, replace(
+        camera, width=width, height=height, fx=camera.fx / factor, fy=camera.fy / factor,
+        cx=(camera.cx + 0.5) / factor - 0.5, cy=(camera.cy + 0.5) / factor - 0.5,
+    )  # fmt: skip
+
+
+class HMarkFrontEnd:
+    """Looks for one H in the pictures of one camera. Keeps nothing from one picture to the next."""
+
+    def __init__(
+        self,
+        camera: CameraModel,
+        mount: CameraMount,
+        mark: HMark,
+        *,
+        variant: Literal["helideck"] = "helideck",
+        tilt_std: float = math.radians(0.3),
+    ) -> None:
+        """tilt_std [rad]: how well roll and pitch are known; large where the tilt is to be solved from the picture."""
+        if variant != "helideck":
+            raise ValueError(f"variant: no front end named {variant!r}; there is 'helideck'")
+        self.camera, self.mount, self.mark, self.tilt_std = camera, mount, mark, tilt_std
+        outline = mark.outline()
+        self._outline = outline
+        self._samples = OutlineSamples.of(outline)
+        self._template = ShapeTemplate.of(outline)
+        self._area = float(cv2.contourArea(outline.astype(np.float32)))  # [m^2]
+        moments = cv2.moments(outline.astype(np.float32))
+        self._lengthwise = moments["mu02"] / moments["mu20"]  # second moment along the axis over that across it
+        grid = np.stack(np.meshgrid(np.linspace(-0.5, 0.5, 41), np.linspace(-0.5, 0.5, 41)), axis=-1).reshape(-1, 2)
+        grid *= [mark.width, mark.leg]
+        within = (np.abs(grid[:, 0]) > mark.width / 2 - mark.stroke) | (np.abs(grid[:, 1]) < mark.stroke / 2)
+        self._inside = grid[within]
+        self._size = max(mark.leg, mark.width)
+
+    def see(self, image: Image, attitude: Floats, prediction: PadPrediction | None = None) -> PadSighting | None:
+        """The mark in a picture (H, W) uint8, or None.
+
+        attitude: (4,) wxyz, body to world, at the picture's time. prediction: where the filter expects the mark, or
+        None. A mark that is not wholly in the picture is seen only with a prediction.
+        """
+        if image.shape != (self.camera.height, self.camera.width):
+            raise ValueError(
+                f"picture: {image.shape[1]}x{image.shape[0]}, the camera has {self.camera.width}x{self.camera.height}"
+            )
+        level = level_axes(attitude, self.mount)
+        if prediction is not None:
+            sighting = self._track(image, level, prediction)
+            if sighting is not None:
+                return sighting
+        return self._acquire(image, level, prediction)
+
+    # following
+
+    def _track(self, image: Image, level: LevelAxes, prediction: PadPrediction) -> PadSighting | None:
+        start = MarkPose(np.asarray(prediction.position, float), float(prediction.angle))
+        depth = start.position[2]
+        if depth <= 0.05:
+            return None
+        spread = self._spread(prediction)
+        stroke = self.mark.stroke * min(self.camera.fx, self.camera.fy) / depth
+        reach = 3.0 * spread + 1.5
+        if reach > 1.5 * stroke:
+            return None  # another stroke may be nearer than the right one
+        factor = 1
+        while reach / factor > SHARPEST_REACH and factor < 8:
+            factor *= 2
+        std = np.append(prediction.std_position, prediction.std_angle)
+        prior = np.maximum(3.0 * std, np.append(np.full(3, 0.01 + 0.01 * depth), 0.035))
+        fit = self._refine(image, level, start, prior, reach, factor, 0)
+        if fit is None or not self._agrees(fit, start, std):
+            return None
+        return self._sighting(fit, tracked=True)
+
+    def _spread(self, prediction: PadPrediction) -> float:
+        """One standard deviation of where the outline's points lie in the picture [px], the worst of them."""
+        x, y, depth = prediction.position
+        focal = max(self.camera.fx, self.camera.fy)
+        # what counts is how far the part in the picture reaches from the centre
+        radius = min(0.7 * self._size * focal / depth, math.hypot(self.camera.width, self.camera.height))
+        lateral = focal / depth * max(prediction.std_position[0], prediction.std_position[1])
+        along = prediction.std_position[2] / depth * (radius + focal * math.hypot(x, y) / depth)
+        return math.sqrt(lateral**2 + along**2 + (prediction.std_angle * radius) ** 2)
+
+    def _refine(
+        self, image: Image, level: LevelAxes, start: MarkPose, prior: Floats, reach: float, factor: int, polarity: int
+    ) -> EdgeFit | None:
+        """Edge fit on a reduced picture where the search is wide, then on the picture itself."""
+        if factor > 1:
+            small, camera = reduced(image, self.camera, factor)
+            coarse = fit_outline(
+                small, camera, self._samples, level, start, prior_std=prior, reach=reach / factor,
+                polarity=polarity, tilt_std=self.tilt_std, iterations=6,
+            )  # fmt: skip
+            if coarse is None:
+                return None
+            start, polarity = coarse.pose, 1 if coarse.contrast > 0 else -1
+            reach = 3.0 + 0.5 * factor
+        return fit_outline(
+            image, self.camera, self._samples, level, start, prior_std=prior, reach=reach,
+            polarity=polarity, tilt_std=self.tilt_std,
+        )  # fmt: skip
+
+    def _agrees(self, fit: EdgeFit, start: MarkPose, std: Floats) -> bool:
+        """Whether a followed mark is good enough, and where it was expected."""
+        if not self._sound(fit, share=0.5):
+            return False
+        difference = np.append(fit.pose.position - start.position, fit.pose.angle - start.angle)
+        fitted = np.sqrt(np.diag(fit.covariance))
+        return bool(np.all(np.abs(difference) <= GATE * np.hypot(std, fitted) + 0.002 * fit.pose.position[2]))
+
+    @staticmethod
+    def _sound(fit: EdgeFit, share: float) -> bool:
+        return fit.used >= share * fit.expected and fit.residual <= RAGGED and abs(fit.contrast) >= LEAST_CONTRAST
+
+    # finding
+
+    def _acquire(self, image: Image, level: LevelAxes, prediction: PadPrediction | None) -> PadSighting | None:
+        left, top, right, bottom = self._region(prediction)
+        if right - left < SMALLEST_SIDE or bottom - top < SMALLEST_SIDE:
+            return None
+        region = cv2.medianBlur(np.ascontiguousarray(image[top:bottom, left:right]), 3)
+        area = self._area_bounds(prediction, region.size)
+        for mask, polarity in self._masks(region.astype(np.uint8, copy=False)):
+            best: EdgeFit | None = None
+            for candidate in candidates(mask, self._template, area=area)[:4]:
+                for start in self._starts(candidate, (left, top), level):
+                    fit = self._verified(image, level, start, polarity)
+                    if fit is not None and (best is None or fit.residual < best.residual):
+                        best = fit
+            if best is not None:
+                return self._sighting(best, tracked=False)
+        return None
+
+    def _region(self, prediction: PadPrediction | None) -> tuple[int, int, int, int]:
+        """Left, top, right, bottom [px] of where the mark is expected within three standard deviations."""
+        whole = (0, 0, self.camera.width, self.camera.height)
+        if prediction is None or prediction.position[2] <= 0.0:
+            return whole
+        centre = self.camera.project(np.asarray(prediction.position, float))[0]
+        nearest = max(prediction.position[2] - 3.0 * prediction.std_position[2], 0.3 * prediction.position[2])
+        half = max(self.camera.fx, self.camera.fy) * 0.75 * self._size / nearest + 3.0 * self._spread(prediction) + 8.0
+        low = np.clip(centre - half, 0, [self.camera.width, self.camera.height]).astype(int)
+        high = np.clip(centre + half + 1, 0, [self.camera.width, self.camera.height]).astype(int)
+        return int(low[0]), int(low[1]), int(high[0]), int(high[1])
+
+    def _area_bounds(self, prediction: PadPrediction | None, pixels: int) -> tuple[float, float]:
+        """Least and largest area [px^2] of the mark."""
+        least = self._area / self._size**2 * SMALLEST_SIDE**2
+        if prediction is None or prediction.position[2] <= 0.0:
+            return least, 0.6 * pixels
+        depth, std = prediction.position[2], prediction.std_position[2]
+        scale = self._area * self.camera.fx * self.camera.fy
+        far, near = depth + 4.0 * std, max(depth - 4.0 * std, 0.3 * depth)
+        return max(least, 0.6 * scale / far**2), max(2.0 * least, 1.6 * scale / near**2)
+
+    def _masks(self, region: Image) -> Iterator[tuple[Image, int]]:
+        """Binary pictures to try, with the mark's polarity: global thresholds first, then local ones."""
+        open_level = modified_otsu(region, "open")
+        plain = otsu(region)
+        window = int(min(max(min(region.shape) // 3, 31), 121)) | 1
+        if open_level is not None:
+            yield np.asarray(cv2.compare(region, float(open_level), cv2.CMP_GT), np.uint8), 1
+        yield np.asarray(cv2.compare(region, float(plain), cv2.CMP_GT), np.uint8), 1
+        yield np.asarray(cv2.compare(region, float(plain), cv2.CMP_LE), np.uint8), -1
+        yield local_mask(region, window, 12.0), 1
+        inverted = np.asarray(cv2.bitwise_not(region), np.uint8)
+        yield local_mask(inverted, window, 12.0), -1
+
+    def _starts(self, candidate: Candidate, corner: tuple[int, int], level: LevelAxes) -> list[MarkPose]:
+        """Poses from a contour's area, centroid and second moments on the level plane below the camera."""
+        pixels = candidate.contour.reshape(-1, 2)[:: max(1, len(candidate.contour) // 400)].astype(float) + corner
+        flat = on_pad_plane(pixels, self.camera, level)
+        if not np.all(np.isfinite(flat)):
+            return []
+        polygon = flat.astype(np.float32)
+        m = cv2.moments(polygon)
+        if m["m00"] <= 0.0:
+            return []
+        # the contour runs through the outermost pixels' centres: the filled mask's area is the mark's
+        area = m["m00"] * candidate.area / max(cv2.contourArea(candidate.contour), 1.0)
+        height = math.sqrt(self._area / area)
+        position = from_pad_plane(m["m10"] / m["m00"], m["m01"] / m["m00"], height, level)
+        longest = 0.5 * math.atan2(2.0 * m["mu11"], m["mu20"] - m["mu02"])  # from right towards forward
+        if self._lengthwise < 0.8:
+            angles = [-longest]
+        elif self._lengthwise > 1.25:
+            angles = [math.pi / 2 - longest]
+        else:  # no longest direction: the sides' two
+            side = math.radians(cv2.minAreaRect(polygon)[2])
+            angles = [-side, math.pi / 2 - side]
+        return [MarkPose(position, angle) for angle in angles]
+
+    def _verified(self, image: Image, level: LevelAxes, start: MarkPose, polarity: int) -> EdgeFit | None:
+        depth = start.position[2]
+        stroke = self.mark.stroke * min(self.camera.fx, self.camera.fy) / depth
+        factor = 1
+        while stroke / (2 * factor) > 12.0 and factor < 8:
+            factor *= 2
+        prior = np.array([0.2 * depth, 0.2 * depth, 0.3 * depth, 0.5])
+        fit = self._refine(image, level, start, prior, 6.0 * factor, factor, polarity)
+        if fit is None or not self._sound(fit, share=0.75):
+            return None
+        whole = self.camera.contains(self.camera.project(place(self._outline, fit.pose, fit.level)))
+        return fit if bool(whole.all()) else None
+
+    # answering
+
+    def _sighting(self, fit: EdgeFit, *, tracked: bool) -> PadSighting:
+        corners = self.camera.project(place(self._outline, fit.pose, fit.level))
+        inside = self.camera.contains(self.camera.project(place(self._inside, fit.pose, fit.level)), -0.5)
+        visible = float(np.mean(inside))
+        std = np.sqrt(np.diag(fit.covariance))
+        quality = fit.used / fit.expected * min(1.0, 0.3 / max(fit.residual, 1e-6))
+        return PadSighting(
+            position=fit.pose.position,
+            angle=wrap_axis(fit.pose.angle),
+            std_position=std[:3],
+            std_angle=float(std[3]),
+            covariance=fit.covariance,
+            quality=float(min(quality, 1.0)),
+            visible=visible,
+            outline=corners,
+            source="acquired" if not tracked else "tracked" if self.camera.contains(corners).all() else "cut",
+            up=fit.level.up,
+            residual=fit.residual,
+            contrast=fit.contrast,
+        )
