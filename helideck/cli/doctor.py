@@ -38,7 +38,7 @@ class Doctor:
             })
         else:
             rows = {"renderer": report.drawing.renderer or f"none: {report.drawing.error}"}
-            if report.can_render:
+            if report.drawing.opengl:
                 rows |= {"OpenGL": report.drawing.opengl, "first picture": f"{report.drawing.seconds:.2f} s"}
             rows |= {name: found or "not installed" for name, found in report.versions.items()}
             rows |= {"cores": str(report.cores), "memory": f"{report.memory / 2**30:.1f} GiB"}

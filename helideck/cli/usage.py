@@ -3,7 +3,7 @@
 import re
 
 _FRAME = re.compile(r"^\s*[│|]?\s?(.*?)\s*[│|]?\s*$")
-_RULE = re.compile(r"^[─╭╰╮╯\s-]*$")
+_RULE = re.compile(r"^[─\s-]*$")
 
 
 def one_line(box: str) -> str:
@@ -15,7 +15,9 @@ def one_line(box: str) -> str:
             sections.append([])
         else:
             sections[-1].append(line)
-    sections = [section for section in sections if section]
+    sections = [section for section in sections if any(section)]
+    if not box.startswith("╭"):  # drawn without box characters, the title stands over the first rule
+        sections = sections[1:]
     if not sections:
         return "the arguments could not be understood"
     message = " ".join(" ".join(sections[0]).split()).rstrip(".")
