@@ -214,5 +214,6 @@ def test_public_functions_say_their_types():
             arguments = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
             bare = [a.arg for a in arguments if a.annotation is None and a.arg not in ("self", "cls")]
             if bare or function.returns is None:
-                faults.append(f"{path.relative_to(ROOT)}:{function.lineno} {function.name}: {', '.join(bare) or 'return'}")
+                what = ", ".join(bare) or "return"
+                faults.append(f"{path.relative_to(ROOT)}:{function.lineno} {function.name}: {what}")
     assert not faults, "\n".join(faults)
