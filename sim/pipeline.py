@@ -79,8 +79,13 @@ class Pipeline:
         self.state: Floats = np.array(initial, dtype=np.float64)
 
     def signals(self) -> np.void:
-        """A record of the pipeline's signals, all zero, to be filled and run."""
-        return np.zeros(1, dtype=SIGNALS)[0]
+        """A record of the pipeline's signals, to be filled and run.
+
+        All zero but the rotor, which turns at its nominal speed as long as no term says otherwise.
+        """
+        s = np.zeros(1, dtype=SIGNALS)[0]
+        s["rotor_speed"] = self.geometry["nominal_speed"]
+        return s
 
     def set_parameter(self, term: str, name: str, value: float) -> None:
         """Change a number in force."""

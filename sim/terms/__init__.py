@@ -1,0 +1,33 @@
+"""The catalogue of terms: every effect of the model by name, one a file."""
+
+from collections.abc import Mapping
+
+from sim.terms import (
+    engine,
+    fins,
+    flapping,
+    fuel,
+    fuselage,
+    ground_effect,
+    hub,
+    main_rotor,
+    servo,
+    tail_rotor,
+)
+from sim.terms.contract import Term
+
+CATALOGUE: Mapping[str, Term] = {
+    module.TERM.name: module.TERM
+    for module in (
+        servo,
+        fuel,
+        engine,
+        ground_effect,
+        main_rotor,
+        flapping,
+        hub,
+        tail_rotor,
+        fuselage,
+        fins,
+    )
+}
