@@ -1,0 +1,1 @@
+"""Rendered cameras. Only the modules `renderer` and `child` load OpenGL, and only when they are used."""

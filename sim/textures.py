@@ -1,0 +1,135 @@
+"""Pictures painted on the ground: the mark from its outline, grass and waves from band-limited noise.
+
+All painters are deterministic and return uint8 RGB (H, W, 3); row 0 is north, column 0 is west.
+"""
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flightlog.marks import HMark
+
+Floats = NDArray[np.float64]
+Picture = NDArray[np.uint8]
+
+MARK_TEXELS = 1536  # over the whole pad: about 1 mm a texel
+PAD_MARGIN = 1.5  # the dark square's side over the mark's larger side
+PAINT = 0.93  # reflectance of the mark
+ASPHALT = 0.17  # of the square around it
+
+
+def pad_side(mark: HMark) -> float:
+    """Side [m] of the dark square around the mark."""
+    return PAD_MARGIN * max(mark.leg, mark.width)
+
+
+def coverage(outline: Floats, side: float, texels: int) -> Floats:
+    """Share (texels, texels) of each texel's area inside an outline (N, 2) [m] whose edges run along the axes.
+
+    Exact: Green's theorem, one outer product for each of the outline's edges along x. The picture spans
+    [-side/2, side/2] in both axes; row 0 is the texel at +y, as textures are stored.
+    """
+    low = (np.arange(texels) / texels - 0.5) * side
+    texel = side / texels
+    area = np.zeros((texels, texels))
+    for (x0, y0), (x1, y1) in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        if y0 != y1:
+            if x0 != x1:
+                raise ValueError("outline has an edge that runs along neither axis")
+            continue
+        along = np.clip(np.array([[x0], [x1]]) - low, 0.0, texel)
+        below = np.clip(y0 - low, 0.0, texel)
+        area += np.outer(below, along[0] - along[1])  # counter-clockwise: the lower edges, which run to +x, subtract
+    return area[::-1] / texel**2
+
+
+def noise(shape: tuple[int, int], slope: float, seed: int, shortest: float = 2.0) -> Floats:
+    """Periodic noise of unit variance whose amplitude spectrum falls as frequency**-slope, down to `shortest` texels."""
+    fy, fx = np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1])[None, :]
+    frequency = np.hypot(fy, fx)
+    frequency[0, 0] = np.inf
+    amplitude = frequency**-slope * np.exp(-((frequency * shortest) ** 2))
+    rng = np.random.default_rng(seed)
+    field = np.fft.irfft2(np.fft.rfft2(rng.standard_normal(shape)) * amplitude, s=shape)
+    return np.asarray(field / field.std())
+
+
+def _picture(values: Floats) -> Picture:
+    return np.rint(np.clip(values, 0.0, 1.0) * 255.0).astype(np.uint8)
+
+
+@cache
+def paint_mark(mark: HMark, texels: int = MARK_TEXELS) -> Picture:
+    """A white mark on a dark square; edges lie where `mark.outline()` has them, texels on them mixed by area."""
+    share = coverage(mark.outline(), pad_side(mark), texels)[..., None]
+    grain = noise((texels, texels), 0.5, seed=1, shortest=6.0)[..., None]
+    ground = ASPHALT + 0.012 * grain * np.array([1.0, 1.0, 1.05])
+    return _picture(ground * (1.0 - share) + PAINT * share)
+
+
+@cache
+def paint_grass(texels: int) -> Picture:
+    """Mown grass: a spectrum close to 1/f, so that there is something to see from every height."""
+    broad = noise((texels, texels), 1.3, seed=2)
+    blades = noise((texels, texels), 0.35, seed=3)
+    straw = np.clip(0.5 + 0.45 * noise((texels, texels), 1.0, seed=4), 0.0, 1.0)[..., None]
+    shade = np.clip(1.0 + 0.14 * broad + 0.20 * blades, 0.35, 1.7)[..., None]
+    colour = (1.0 - straw) * np.array([0.25, 0.37, 0.15]) + straw * np.array([0.38, 0.43, 0.21])
+    return _picture(colour * shade)
+
+
+@cache
+def paint_waves(texels: int) -> Picture:
+    """A choppy sea: crests drawn out across the wind, a few of them white."""
+    chop = noise((texels, texels // 2), 1.15, seed=5).repeat(2, axis=1)
+    swell = noise((texels, texels), 1.5, seed=6)
+    height = 0.7 * chop + 0.7 * swell
+    colour = np.array([0.10, 0.25, 0.33]) + 0.045 * np.clip(height, -2, 3)[..., None] * np.array([0.7, 1.0, 1.05])
+    foam = np.clip((height - 2.35) * 1.6, 0.0, 0.75)[..., None]
+    return _picture(colour * (1.0 - foam) + 0.85 * foam)
+
+
+FAR_SIDE = 3600.0  # [m] of the far ground's picture
+FADE = (250.0, 1500.0)  # [m] distances between which it fades into the far colour
+
+
+def _fade(ground: Floats, far: tuple[float, float, float]) -> Picture:
+    """A picture of the far ground (N, N, 3) that turns into the far colour with distance."""
+    texels = len(ground)
+    c = ((2.0 * np.arange(texels) + 1.0) / texels - 1.0) * FAR_SIDE / 2
+    distance = np.hypot(c[:, None], c[None, :])
+    share = np.clip(np.log(distance / FADE[0]) / np.log(FADE[1] / FADE[0]), 0.0, 1.0)[..., None]
+    share = share * share * (3.0 - 2.0 * share)
+    return _picture(ground + share * (np.array(far) - ground))
+
+
+@cache
+def paint_meadow(texels: int, far: tuple[float, float, float]) -> Picture:
+    """Fields around the mown grass: patches of green, straw and plough, parted by hedges."""
+    rng = np.random.default_rng(9)
+    c = (np.arange(texels) + 0.5) / texels * FAR_SIDE
+    x, y = np.meshgrid(c, c)
+    bend = 14.0 * noise((texels, texels), 1.6, seed=10)
+    x, y = 0.94 * x + 0.34 * y + bend, -0.34 * x + 0.94 * y - bend
+    column = np.floor(x / 170.0).astype(int)
+    row = np.floor((y + 61.0 * (column % 3)) / 120.0).astype(int)
+    palette = np.array([(0.30, 0.41, 0.17), (0.36, 0.44, 0.20), (0.46, 0.45, 0.25), (0.26, 0.36, 0.16), (0.40, 0.35, 0.24)])
+    plan = palette[rng.choice(len(palette), size=(64, 64), p=[0.34, 0.27, 0.14, 0.17, 0.08])]
+    colour = plan[row % 64, column % 64] * (1.0 + 0.07 * noise((texels, texels), 0.8, seed=11))[..., None]
+    edge = np.minimum(x % 170.0, (y + 61.0 * (column % 3)) % 120.0)
+    hedge = np.clip(1.5 - edge / 4.0, 0.0, 1.0)[..., None]
+    colour = colour + hedge * (np.array([0.14, 0.22, 0.10]) - colour)
+    # mown grass goes on for a while beyond the detailed square
+    middle = (texels - 1) / 2 * FAR_SIDE / texels
+    i, j = np.meshgrid(np.arange(texels) * FAR_SIDE / texels - middle, np.arange(texels) * FAR_SIDE / texels - middle)
+    near = (1.0 / (1.0 + np.exp((np.maximum(np.abs(i) / 1.3, np.abs(j)) - 95.0) / 3.0)))[..., None]
+    return _fade(colour + near * (np.array([0.315, 0.40, 0.18]) - colour), far)
+
+
+@cache
+def paint_swell(texels: int, far: tuple[float, float, float]) -> Picture:
+    """The sea beyond the near waves."""
+    height = noise((texels, texels // 2), 0.9, seed=12).repeat(2, axis=1)
+    colour = np.array([0.10, 0.25, 0.33]) + 0.018 * height[..., None] * np.array([0.7, 1.0, 1.05])
+    return _fade(colour, far)
