@@ -49,7 +49,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         return code
 
     try:
-        code = _parse(words).run()
+        try:
+            code = _parse(words).run()
+        except SystemExit as end:  # help, version and shell completion end like this
+            code = end.code if isinstance(end.code, int) else 0
         sys.stdout.flush()
         return code
     except UserError as error:
@@ -59,8 +62,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader left (`helideck ... | head`); nothing may be written at exit either
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except SystemExit as end:  # help, version and shell completion end like this
-        return end.code if isinstance(end.code, int) else 0
     except Exception as error:  # ours to mend: the traceback follows on stderr
         if as_json:
             emit({"error": f"{type(error).__name__}: {error}"})
