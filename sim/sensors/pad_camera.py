@@ -1,0 +1,247 @@
+"""The pad as the down camera and its front end would report it, without a picture: for Monte Carlo flights.
+
+The model is the front end's own statistics. Each pixel of the mark's outline that lies in the picture measures its
+offset along the edge's normal with a standard deviation of `edge_noise`. From these follow the 4 x 4 covariance of
+(x, y, z, angle), with two nuisances that the front end solves for under a prior: the tilt of the attitude that it was
+given, and the bleed that makes a bright mark look larger. A mark cut by the picture's edge therefore loses accuracy
+in just the directions whose edges are gone. For a whole 1 m H at 10 m and 0.1 px the height's deviation is 1.3 mm.
+
+On top come a jitter of the whole mark, white noise of the distance, and a scale error of the flight (the focal length
+is known to no better). `edge_noise`, `centre_noise`, `distance_noise`, `angle_noise` are meant to be fitted to
+rendered flights.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numba
+import numpy as np
+
+from flightlog.camera import CameraModel, CameraMount
+from flightlog.marks import HMark
+from flightlog.signals import PadSample
+from sim.parameters import Parameter
+from sim.sensors.contract import Floats, Site, Truth
+from sim.sensors.device import LATENCY, RATE, Device
+from sim.sensors.noise import gauss_markov
+
+SAMPLE_SPACING = 0.04  # [m] along the outline
+
+_OPEN_STD = 3.0  # [m], [rad]: what the front end says of a direction that no visible edge measures
+
+
+@numba.njit(cache=True)
+def _information(position, rotation, mount, axes, mark_axis, intrinsics, margin, samples):
+    """Centre of the mark in camera axes (3,), its angle, Fisher information (7, 7) at 1 px, share in the picture.
+
+    The information's order is x, y, z [m], angle [rad], tilt about the camera's x and y [rad], bleed [px].
+    samples (N, 5): points of the outline and unit tangents in mark axes [m], length [m] that each stands for;
+    mark_axis (2,): east and north of the mark's y axis. intrinsics: width, height, fx, fy, cx, cy.
+    The angle's zero is image up, made level.
+    """
+    turn = np.ascontiguousarray(rotation) @ axes  # camera to world
+    cx = -position[0] - (rotation[0, 0] * mount[0] + rotation[0, 1] * mount[1] + rotation[0, 2] * mount[2])
+    cy = -position[1] - (rotation[1, 0] * mount[0] + rotation[1, 1] * mount[1] + rotation[1, 2] * mount[2])
+    cz = -position[2] - (rotation[2, 0] * mount[0] + rotation[2, 1] * mount[1] + rotation[2, 2] * mount[2])
+    centre = np.empty(3)
+    along = np.empty(3)  # the mark's y in camera axes
+    across = np.empty(3)  # the mark's x
+    for i in range(3):
+        centre[i] = turn[0, i] * cx + turn[1, i] * cy + turn[2, i] * cz
+        along[i] = turn[0, i] * mark_axis[0] + turn[1, i] * mark_axis[1]
+        across[i] = turn[0, i] * mark_axis[1] - turn[1, i] * mark_axis[0]
+    # azimuth of the mark's axis less that of image up, which is the camera's -y
+    angle = math.atan2(mark_axis[0], mark_axis[1]) - math.atan2(-turn[0, 1], -turn[1, 1])
+    information = np.zeros((7, 7))
+    row = np.empty(7)
+    seen = 0.0
+    total = 0.0
+    for k in range(samples.shape[0]):
+        x, y, length = samples[k, 0], samples[k, 1], samples[k, 4]
+        total += length
+        ax = x * across[0] + y * along[0]
+        ay = x * across[1] + y * along[1]
+        az = x * across[2] + y * along[2]
+        pz = centre[2] + az
+        if pz < 0.05:
+            continue
+        tan_x, tan_y = (centre[0] + ax) / pz, (centre[1] + ay) / pz
+        u = intrinsics[2] * tan_x + intrinsics[4]
+        v = intrinsics[3] * tan_y + intrinsics[5]
+        if u < margin or v < margin or u > intrinsics[0] - 1.0 - margin or v > intrinsics[1] - 1.0 - margin:
+            continue
+        seen += length
+        px, py = intrinsics[2] / pz, intrinsics[3] / pz  # [px/m]
+        tx = samples[k, 2] * across[0] + samples[k, 3] * along[0]
+        ty = samples[k, 2] * across[1] + samples[k, 3] * along[1]
+        tz = samples[k, 2] * across[2] + samples[k, 3] * along[2]
+        du, dv = px * (tx - tan_x * tz), py * (ty - tan_y * tz)  # the edge in the picture [px/m]
+        pitch = math.sqrt(du * du + dv * dv)
+        if pitch < 1e-9:
+            continue
+        nu, nv = dv / pitch, -du / pitch
+        jx, jy = nu * px, nv * py
+        jz = -jx * tan_x - jy * tan_y
+        row[0], row[1], row[2] = jx, jy, jz
+        # clockwise seen from above: y towards x, x away from y
+        row[3] = (
+            jx * (y * across[0] - x * along[0]) + jy * (y * across[1] - x * along[1])
+            + jz * (y * across[2] - x * along[2])
+        )  # fmt: skip
+        row[4] = jz * ay - jy * az  # e_x x arm
+        row[5] = jx * az - jz * ax  # e_y x arm
+        row[6] = 1.0
+        weight = pitch * length  # pixels of edge
+        for i in range(7):
+            for j in range(i + 1):
+                information[i, j] += weight * row[i] * row[j]
+    for i in range(7):
+        for j in range(i):
+            information[j, i] = information[i, j]
+    return centre, angle, information, seen / total
+
+
+@numba.njit(cache=True)
+def _solve(information, edge_noise, prior, nuisance, normal):
+    """Covariance (4, 4) of the pose and one draw (4,) of its error.
+
+    prior (7,): deviations of what the fit knows beforehand; nuisance (3,): how far tilt and bleed really are from it.
+    """
+    scaled = information / (edge_noise * edge_noise)
+    posterior = scaled.copy()
+    for i in range(7):
+        posterior[i, i] += 1.0 / (prior[i] * prior[i])
+        scaled[i, i] *= 1.0 + 1e-9  # a Cholesky factor also where an unknown is not seen at all
+        scaled[i, i] += 1e-12
+    covariance = np.linalg.inv(posterior)
+    noise = np.linalg.cholesky(scaled) @ normal
+    for i in range(3):
+        noise[4 + i] += nuisance[i] / (prior[4 + i] * prior[4 + i])
+    return covariance[:4, :4], (covariance @ noise)[:4]
+
+
+def _outline(mark: HMark) -> Floats:
+    """Samples (N, 5) of the outline: middle [m], unit tangent, length [m], each about SAMPLE_SPACING long."""
+    corners = mark.outline()
+    rows = []
+    for start, side in zip(corners, np.roll(corners, -1, axis=0) - corners, strict=True):
+        length = float(np.hypot(*side))
+        number = math.ceil(length / SAMPLE_SPACING)
+        for k in range(number):
+            rows.append([*(start + side * (k + 0.5) / number), *(side / length), length / number])
+    return np.array(rows)
+
+
+class PadCamera(Device):
+    """The mark's centre and angle in camera axes; its constructor also wants the camera, its mount and the mark."""
+
+    topic: ClassVar[str] = "pad"
+    PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("rate", RATE.unit, RATE.low, RATE.high, "samples a second: the down camera's own", 25.0),
+        Parameter("latency", LATENCY.unit, LATENCY.low, LATENCY.high, "the down camera's own", 0.06),
+        Parameter("edge_noise", "px", 0.001, 10.0, "white noise of one pixel of edge along its normal"),
+        Parameter("centre_noise", "px", 0.0, 10.0, "white jitter of the whole mark in the picture"),
+        Parameter("distance_noise", "1", 0.0, 0.1, "white noise of the distance over the distance"),
+        Parameter("angle_noise", "rad", 0.0, 0.1, "white noise of the angle"),
+        Parameter("tilt_std", "rad", 1e-5, 0.2, "error of the attitude that the front end is given"),
+        Parameter("tilt_tau", "s", 0.01, 1e4, "its time constant"),
+        Parameter("bleed_std", "px", 1e-3, 5.0, "outward shift of all edges, drawn per flight"),
+        Parameter("scale_std", "1", 0.0, 0.1, "error of the focal length, drawn per flight"),
+        Parameter("margin", "px", 0.0, 100.0, "edges nearer to the picture's border are not used"),
+        Parameter("least_distance", "m", 0.0, 10.0, "camera to mark, along the optical axis: nearer it is lost"),
+        Parameter("least_size", "px", 1.0, 500.0, "length of a leg in the picture: smaller it is not found"),
+        Parameter("least_visible", "1", 0.0, 1.0, "of the outline: less is not recognised"),
+        Parameter("detection_share", "1", 0.0, 1.0, "of the pictures with a whole mark in which it is found"),
+        Parameter("cut_detection_share", "1", 0.0, 1.0, "of the pictures with a cut mark in which it is found"),
+        Parameter("scale", "1", 0.5, 2.0, "fixed scale, measured distance over true", 1.0),
+        Parameter("delay", "s", 0.0, 1.0, "more latency than is known: the time stamps are late by this", 0.0),
+    )
+    ERRORS: ClassVar[tuple[tuple[str, str], ...]] = (
+        ("x", "m"), ("y", "m"), ("z", "m"), ("angle", "rad"), ("scale", "1"), ("tilt_x", "rad"), ("tilt_y", "rad"),
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        numbers: Mapping[str, float],
+        position: Floats,
+        site: Site,
+        rng: np.random.Generator,
+        *,
+        camera: CameraModel,
+        mount: CameraMount,
+        mark: HMark,
+        mark_heading: float = 0.0,
+    ) -> None:
+        """`mount` holds what `position` says, and the axes; mark_heading [rad]: of its y axis, clockwise from north.
+
+        Lens distortion moves edges but hardly their number, so the camera is taken as a pinhole.
+        """
+        super().__init__(numbers, position, site, rng)
+        self._mount: Floats = np.ascontiguousarray(mount.position, dtype=float)
+        self._axes: Floats = np.ascontiguousarray(mount.axes, dtype=float)
+        self._intrinsics: Floats = np.array(
+            [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy], dtype=float
+        )
+        self._samples = _outline(mark)
+        self._mark_axis: Floats = np.array([math.sin(mark_heading), math.cos(mark_heading)])
+        self._leg = mark.leg
+        self._bleed, self._scale = rng.standard_normal(2).tolist()  # in standard deviations, as the tilt
+        self._tilt: list[float] = rng.standard_normal(2).tolist()
+        self._error = (math.nan,) * 7
+
+    def sample(self, truth: Truth) -> PadSample | None:
+        """What the front end reports of a picture exposed at `truth`; None where it does not find the mark."""
+        n = self.numbers
+        normal = self.rng.standard_normal(13)
+        found = self.rng.random()
+        tilt = self._tilt
+        for i in range(2):
+            tilt[i] = gauss_markov(tilt[i], 1.0, n["tilt_tau"], self.period, float(normal[7 + i]))
+        self._error = (math.nan,) * 7
+        centre, angle, information, visible = _information(
+            truth.position, truth.rotation, self._mount, self._axes, self._mark_axis, self._intrinsics, n["margin"],
+            self._samples,
+        )  # fmt: skip
+        x, y, z = centre.tolist()
+        if visible < n["least_visible"] or visible == 0.0 or z < n["least_distance"]:
+            return None
+        fx, fy = float(self._intrinsics[2]), float(self._intrinsics[3])
+        share = n["detection_share"] if visible > 1.0 - 1e-9 else n["cut_detection_share"]
+        if self._leg * min(fx, fy) < n["least_size"] * z or found >= share:
+            return None
+        tilt_std, bleed_std = n["tilt_std"], n["bleed_std"]
+        prior = np.array([_OPEN_STD, _OPEN_STD, _OPEN_STD, _OPEN_STD, tilt_std, tilt_std, bleed_std])
+        nuisance = np.array([tilt_std * tilt[0], tilt_std * tilt[1], bleed_std * self._bleed])
+        covariance, error = _solve(information, n["edge_noise"], prior, nuisance, normal[:7])
+        jitter_x, jitter_y, far, twist = normal[9:].tolist()
+        std_x, std_y = n["centre_noise"] * z / fx, n["centre_noise"] * z / fy
+        std_share, std_twist = n["distance_noise"], n["angle_noise"]
+        scale = n["scale"] + n["scale_std"] * self._scale
+        # an error of the distance moves the mark along its ray
+        stretch = scale * (1.0 + std_share * far)
+        ex, ey, ez, ea = error.tolist()
+        seen_x, seen_y, seen_z = (x + ex) * stretch + std_x * jitter_x, (y + ey) * stretch + std_y * jitter_y, z + ez
+        seen_z *= stretch
+        seen_angle = angle + ea + std_twist * twist
+        self._error = (seen_x - x, seen_y - y, seen_z - z, seen_angle - angle, scale, *nuisance[:2].tolist())
+        vx, vy, vz, va = np.diagonal(covariance).tolist()
+        t = truth.t + n["delay"]
+        return PadSample(
+            t,
+            t + n["latency"],
+            seen_x,
+            seen_y,
+            seen_z,
+            0.5 * math.pi - (0.5 * math.pi - seen_angle) % math.pi,
+            math.sqrt(vx + (x * std_share) ** 2 + std_x**2),
+            math.sqrt(vy + (y * std_share) ** 2 + std_y**2),
+            math.sqrt(vz + (z * std_share) ** 2),
+            math.sqrt(va + std_twist**2),
+            visible,
+            "model",
+        )
+
+    def errors(self) -> tuple[float, ...]:
+        """Error of the last report, and the scale and tilt behind it; NaN where nothing was reported."""
+        return self._error
