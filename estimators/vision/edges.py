@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 STEP = 0.5  # [px] between samples of a profile
-SUPPORT = 3.0  # [px] half length of the matched kernel
-SCALE = 1.0  # [px] standard deviation of the Gaussian whose derivative the kernel is
-# a profile reaches this much further than the search does
-GUARD = SUPPORT + 1.0
+SUPPORT = 3.5  # [px] half length of the matched kernel
+SCALE = 1.2  # [px] standard deviation of the Gaussian whose derivative the kernel is
+GUARD = SUPPORT + 1.0  # [px] from the picture's border, within which no edge can be found
 
 
 def _kernel() -> Floats:
@@ -24,13 +23,22 @@ KERNEL = _kernel()
 
 
 @numba.njit(cache=True)
+def _inside(place, slope, largest):
+    """First and last s for which place + s slope lies in [0, largest]."""
+    if abs(slope) < 1e-12:
+        return (-1e9, 1e9) if 0.0 <= place <= largest else (1.0, -1.0)
+    a, b = -place / slope, (largest - place) / slope
+    return min(a, b), max(a, b)
+
+
+@numba.njit(cache=True)
 def edge_offsets(image, points, normals, reach, polarity, kernel):
     """Offset [px] of the strongest edge along each normal, and its step height [grey levels].
 
     image (H, W) uint8; points, normals (N, 2) px, normals of unit length; search from -reach to +reach [px];
     polarity +1: brighter on the side the normal comes from, -1: darker. The matched kernel is the derivative of a
     Gaussian, antisymmetric about the place sought, so that a symmetric blur moves nothing; the peak is refined by a
-    parabola. NaN where the profile leaves the picture or the peak lies at the search's end.
+    parabola. The search ends where the kernel would leave the picture. NaN where the peak lies at the search's end.
     """
     height, width = image.shape
     taps = len(kernel)
@@ -42,32 +50,36 @@ def edge_offsets(image, points, normals, reach, polarity, kernel):
     for i in range(len(points)):
         px, py = points[i, 0], points[i, 1]
         nx, ny = normals[i, 0], normals[i, 1]
-        far = (m + taps) * STEP
-        x_low, x_high = px - far * abs(nx), px + far * abs(nx)
-        y_low, y_high = py - far * abs(ny), py + far * abs(ny)
-        if not (x_low >= 0.0 and y_low >= 0.0 and x_high < width - 1.0 and y_high < height - 1.0):
+        first, last = _inside(px, nx, width - 1.0)
+        low, high = _inside(py, ny, height - 1.0)
+        # samples of the profile that lie in the picture, counted from the model's edge
+        first, last = max(first, low) / STEP, min(last, high) / STEP
+        if not first < last:
             continue
-        for j in range(len(profile)):
-            s = (j - m - taps) * STEP
-            x, y = px + s * nx, py + s * ny
-            column, row = int(x), int(y)
+        begin = max(-m, int(np.ceil(first)) + taps)
+        end = min(m, int(np.floor(last)) - taps)
+        if end - begin < 2:
+            continue
+        for j in range(begin - taps, end + taps + 1):
+            x, y = px + j * STEP * nx, py + j * STEP * ny
+            column, row = min(int(x), width - 2), min(int(y), height - 2)
             u, v = x - column, y - row
             top = image[row, column] * (1.0 - u) + image[row, column + 1] * u
             bottom = image[row + 1, column] * (1.0 - u) + image[row + 1, column + 1] * u
-            profile[j] = top * (1.0 - v) + bottom * v
-        best = 0
-        for j in range(2 * m + 1):
+            profile[j + m + taps] = top * (1.0 - v) + bottom * v
+        best = begin
+        for j in range(begin, end + 1):
             total = 0.0
-            for k in range(taps):
-                total += kernel[k] * (profile[j + taps - 1 - k] - profile[j + taps + 1 + k])
-            response[j] = polarity * total
-            if response[j] > response[best]:
+            for k in range(1, taps + 1):
+                total += kernel[k - 1] * (profile[j + m + taps - k] - profile[j + m + taps + k])
+            response[j + m] = polarity * total
+            if response[j + m] > response[best + m]:
                 best = j
-        heights[i] = response[best]
-        if best == 0 or best == 2 * m:
+        heights[i] = response[best + m]
+        if best == begin or best == end:
             continue
-        left, middle, right = response[best - 1], response[best], response[best + 1]
+        left, middle, right = response[best + m - 1], response[best + m], response[best + m + 1]
         curvature = left - 2.0 * middle + right
         shift = 0.5 * (left - right) / curvature if curvature < 0.0 else 0.0
-        offsets[i] = (best - m + shift) * STEP
+        offsets[i] = (best + shift) * STEP
     return offsets, heights
