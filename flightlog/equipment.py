@@ -36,6 +36,7 @@ class CameraSpec:
     latency: float  # [s]
     model: CameraModel
     mount: CameraMount
+    colour: bool = True  # False: monochrome, pictures (H, W)
 
 
 @dataclass(frozen=True, eq=False)

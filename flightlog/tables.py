@@ -1,9 +1,10 @@
 """Tables as a log gives them: columns as numpy arrays by name, in order of time."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -11,7 +12,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from flightlog.errors import UserError
-from flightlog.topics import Topic
+from flightlog.topics import Topic, columns_of, topic_of
 
 RESET = 1.0  # [s] a clock that falls back further, and stays back, was reset
 
@@ -75,6 +76,13 @@ class Table:
         """One span between resets of the clock as a table of its own."""
         edges = (*self.segments, len(self))
         return Table(self.name, self.arrow.slice(edges[index], edges[index + 1] - edges[index]), self.topic)
+
+
+def table(group: str, name: str, rows: Sequence[Sequence[Any]], columns: Iterable[str] | None = None) -> Table:
+    """A table in memory from rows in order of time; `columns` where they are not all that the topic has."""
+    chosen = columns_of(group, name, columns)
+    arrays = [pa.array(values) for values in zip(*rows, strict=True)] or [pa.array([], pa.float64())] * len(chosen)
+    return Table(name, pa.table(arrays, names=[column.name for column in chosen]), topic_of(group, name))
 
 
 def arrange(arrow: pa.Table, topic: Topic | None, name: str, file: str) -> tuple[Table, list[str]]:

@@ -80,6 +80,7 @@ class Camera(_Strict):
     fx: Number
     fy: Number
     distortion: Number | None = None  # k1, k2, p1, p2, k3
+    colour: bool = True
 
 
 class Environment(_Strict):
@@ -268,7 +269,7 @@ def _resolve(path: Path, document: Mapping[str, Any], file: VehicleFile) -> Vehi
             (k1, k2, p1, p2, k3),
         )
         rate = scalar(camera.rate, "Hz", f"{key}.rate")
-        cameras[name] = CameraSpec(rate, scalar(camera.latency, "s", f"{key}.latency"), model, mount)
+        cameras[name] = CameraSpec(rate, scalar(camera.latency, "s", f"{key}.latency"), model, mount, camera.colour)
 
     mjcf = path.parent / file.model
     if not mjcf.is_file():

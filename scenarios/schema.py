@@ -1,0 +1,207 @@
+"""What a scenario file may say. Units stand in the key names; a key that is not here is an error."""
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
+
+from sim.light import Light
+from sim.sensors import CATALOGUE as SENSORS
+from sim.weather import Weather
+
+
+class Strict(BaseModel):
+    """No unknown keys, no silent conversions but int to float."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
+Vector2 = Annotated[list[float], Field(min_length=2, max_length=2)]
+Degrees = Annotated[float, Field(ge=-360, le=360)]
+
+
+class Start(Strict):
+    """Where the flight begins, trimmed in the air. Without a position it is drawn around the plan's point."""
+
+    position_m: Vector3 | None = None
+    spread_m: float = Field(default=3.0, ge=0, le=100)  # radius of the ball that the position is drawn from
+    heading_deg: Degrees = 0.0
+
+
+class Plan(Strict):
+    """What the pilot is told to do."""
+
+    goal: Literal["land", "hover"] = "land"
+    point_m: Vector3 = [0.0, 0.0, 10.0]  # P1 of Lei 2012
+    heading_deg: Degrees | None = None  # None: the heading at the start is kept
+
+
+class WeatherTable(Strict):
+    """Mean wind at 10 m with its turbulence, and the air at the pad."""
+
+    wind_m_s: float = Field(default=1.5, ge=0, le=25)
+    wind_from_deg: Degrees = 250.0
+    turbulence: Literal["none", "dryden"] = "dryden"
+    temperature_degC: float = Field(default=15.0, ge=-40, le=55)
+    pressure_hPa: float = Field(default=1013.25, ge=500, le=1100)
+
+    def weather(self) -> Weather:
+        """In SI."""
+        return Weather(
+            wind=self.wind_m_s,
+            wind_from=math.radians(self.wind_from_deg),
+            turbulence=self.turbulence,
+            temperature=self.temperature_degC + 273.15,
+            pressure=self.pressure_hPa * 100.0,
+        )
+
+
+class LightTable(Strict):
+    """The sun."""
+
+    sun_elevation_deg: float = Field(default=45.0, gt=0, le=90)
+    sun_azimuth_deg: Degrees = 150.0
+    strength: float = Field(default=1.0, gt=0, le=5)
+
+    def light(self) -> Light:
+        """In SI."""
+        return Light(
+            sun_elevation=math.radians(self.sun_elevation_deg),
+            sun_azimuth=math.radians(self.sun_azimuth_deg),
+            strength=self.strength,
+        )
+
+
+class CameraTable(Strict):
+    """What a scenario changes of a camera and its optics; None leaves what the vehicle file says."""
+
+    rate_hz: float | None = Field(default=None, gt=0, le=100)
+    latency_s: float | None = Field(default=None, ge=0, le=1)
+    distortion: Annotated[list[float], Field(min_length=5, max_length=5)] | None = None  # k1, k2, p1, p2, k3
+    gain: float = Field(default=1.0, gt=0, le=64)  # 1: a white wall in the sun comes to about 200
+    mean_level: float | None = Field(default=None, gt=0, lt=255)  # auto exposure steers the picture's mean to it
+    exposure_ms: float = Field(default=2.0, ge=0, le=40)
+    defocus_px: float = Field(default=0.4, ge=0, le=10)
+    read_noise: float = Field(default=1.2, ge=0, le=60)  # [grey levels] in the dark
+    shot_noise: float = Field(default=2.2, ge=0, le=60)  # [grey levels] at white
+
+
+class Cameras(Strict):
+    """The three cameras."""
+
+    down: CameraTable = CameraTable()
+    forward_a: CameraTable = CameraTable()
+    forward_b: CameraTable = CameraTable()
+
+
+def _sensor_table(topic: str) -> type[BaseModel]:
+    """Keys of a sensor's table: each of its parameters, with its unit in the name."""
+    fields: dict[str, Any] = {
+        parameter.scenario_key: (float | None, Field(default=None, ge=parameter.low, le=parameter.high))
+        for parameter in SENSORS[topic].PARAMETERS
+    }
+    return create_model(f"Sensor_{topic}", __base__=Strict, **fields)
+
+
+SENSOR_TABLES = {topic: _sensor_table(topic) for topic in SENSORS}
+Sensors: type[BaseModel] = create_model(
+    "Sensors", __base__=Strict, **{topic: (table, table()) for topic, table in SENSOR_TABLES.items()}
+)  # type: ignore[call-overload]
+
+Device = Literal["imu", "mag", "baro", "gps", "sonar", "rotor", "pad", "down", "forward_a", "forward_b"]
+
+
+class Event(Strict):
+    """Something that happens at a time."""
+
+    at_s: float = Field(ge=0)
+
+
+class Gust(Event):
+    """A 1-cosine gust on top of the wind."""
+
+    kind: Literal["gust"]
+    speed_m_s: float = Field(ge=-25, le=25)
+    from_deg: Degrees = 250.0
+    up_m_s: float = Field(default=0.0, ge=-10, le=10)
+    for_s: float = Field(default=4.0, gt=0, le=120)
+
+
+class Dropout(Event):
+    """A sensor or camera says nothing for a span."""
+
+    kind: Literal["dropout"]
+    sensor: Device
+    for_s: float = Field(gt=0)
+
+
+class FaultEvent(Event):
+    """A sensor goes wrong: one of its own numbers changes, or one column of what it sends does."""
+
+    kind: Literal["fault"]
+    sensor: Device
+    for_s: float = Field(default=1e9, gt=0)
+    numbers: dict[str, float] = {}  # scenario keys of the sensor's own table: `latency_s = 0.4`
+    column: str | None = None  # of the topic
+    fault: Literal["stuck", "offset", "ramp", "spike"] | None = None
+    size: float = 0.0  # in the column's unit; a ramp: per second
+    share: float = Field(default=0.05, ge=0, le=1)  # of the samples, for spikes
+
+    @model_validator(mode="after")
+    def _complete(self) -> "FaultEvent":
+        if (self.column is None) != (self.fault is None):
+            raise ValueError("column and fault go together")
+        if not self.numbers and self.fault is None:
+            raise ValueError("says neither numbers nor column and fault")
+        table = SENSOR_TABLES.get(self.sensor)
+        if self.numbers and table is None:
+            raise ValueError(f"{self.sensor} has no numbers to change")
+        if table is not None:
+            table.model_validate(self.numbers)
+        return self
+
+
+class WindChange(Event):
+    """The mean wind changes."""
+
+    kind: Literal["wind"]
+    wind_m_s: float = Field(ge=0, le=25)
+    wind_from_deg: Degrees = 250.0
+
+
+class LightChange(Event):
+    """The sun changes: a cloud, the evening."""
+
+    kind: Literal["light"]
+    sun_elevation_deg: float | None = Field(default=None, gt=0, le=90)
+    strength: float | None = Field(default=None, gt=0, le=5)
+
+
+class Target(Event):
+    """The pilot is sent to another spot over the pad's plane."""
+
+    kind: Literal["target"]
+    position_m: Vector2  # east, north
+
+
+AnyEvent = Annotated[Gust | Dropout | FaultEvent | WindChange | LightChange | Target, Field(discriminator="kind")]
+
+
+class Scenario(Strict):
+    """One scripted flight."""
+
+    vehicle: str
+    description: str = ""
+    pad: Literal["h", "none"] = "h"
+    scene: Literal["field", "sea"] = "field"
+    horizon_dip: bool = False
+    navigator: str = "helideck"
+    duration_s: float = Field(default=120.0, gt=0, le=3600)
+    start: Start = Start()
+    plan: Plan = Plan()
+    weather: WeatherTable = WeatherTable()
+    light: LightTable = LightTable()
+    sensors: Sensors = Sensors()  # type: ignore[valid-type]
+    cameras: Cameras = Cameras()
+    events: list[AnyEvent] = []

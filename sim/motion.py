@@ -1,0 +1,60 @@
+"""One physics tick of the model: the vehicle's motion in, the generalised force on its free joint out."""
+
+import numba
+import numpy as np
+from numba import types
+
+from flightlog.atmosphere import density_at
+from flightlog.rotations import matrix
+from sim.pipeline import run
+from sim.terms.contract import GEOMETRY, KERNEL, SIGNALS
+
+_signals = numba.from_dtype(SIGNALS)
+_geometry = numba.from_dtype(GEOMETRY)
+_vector = types.Array(types.float64, 1, "C")
+_spans = types.Array(types.int64, 2, "C")
+
+
+@numba.njit(cache=True)
+def sense_motion(s, qpos, qvel, wind, surface_pressure, surface_temperature):  # type: ignore[no-untyped-def]
+    """Fill the signals that describe the motion; returns the rotation (3, 3), body to world.
+
+    qpos (7,), qvel (6,): free joint as MuJoCo has it (velocity ENU, rates in body axes). wind (3,) [m/s] ENU, where
+    the air moves to.
+    """
+    r = matrix(qpos[3:7])
+    for axis in range(3):
+        s.velocity[axis] = (
+            r[0, axis] * (qvel[0] - wind[0]) + r[1, axis] * (qvel[1] - wind[1]) + r[2, axis] * (qvel[2] - wind[2])
+        )
+        s.rates[axis] = qvel[3 + axis]
+        s.up[axis] = r[2, axis]
+    s.height = qpos[2]
+    s.density = density_at(qpos[2], surface_pressure, surface_temperature)
+    return r
+
+
+@numba.njit(
+    types.void(
+        types.ListType(types.FunctionType(KERNEL)), _spans, _signals, _geometry, _vector, _vector, types.float64,
+        _vector, _vector, _vector, types.float64, types.float64, types.UniTuple(types.float64, 5), _vector,
+    ),
+    cache=True,
+)  # fmt: skip
+def advance(  # type: ignore[no-untyped-def]
+    kernels, spans, s, v, x, p, dt, qpos, qvel, wind, surface_pressure, surface_temperature, controls, qfrc
+):
+    """Run the model for dt [s] at the motion in qpos, qvel and write its force into qfrc (6,)."""
+    r = sense_motion(s, qpos, qvel, wind, surface_pressure, surface_temperature)
+    s.time += dt
+    s.collective, s.lateral, s.longitudinal, s.tail, s.throttle = controls
+    run(kernels, spans, s, v, x, p, dt)
+    for axis in range(3):
+        # MuJoCo's free joint takes its force in world axes and its moment in body axes
+        qfrc[axis] = r[axis, 0] * s.force[0] + r[axis, 1] * s.force[1] + r[axis, 2] * s.force[2]
+        qfrc[3 + axis] = s.moment[axis]
+
+
+def finite(qpos: np.ndarray, qvel: np.ndarray) -> bool:
+    """Whether the state is still one of numbers."""
+    return bool(np.isfinite(qpos).all() and np.isfinite(qvel).all())

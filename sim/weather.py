@@ -1,0 +1,15 @@
+"""The weather of a flight, as a scenario gives it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Weather:
+    """Mean wind at 10 m, turbulence and the air at the pad."""
+
+    wind: float = 1.5  # [m/s] mean, 10 m above the ground
+    wind_from: float = 4.36  # [rad] clockwise from north
+    turbulence: Literal["none", "dryden"] = "dryden"
+    temperature: float = 288.15  # [K] at the pad
+    pressure: float = 101_325.0  # [Pa] at the pad

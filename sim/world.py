@@ -1,0 +1,418 @@
+"""The world: a vehicle in the air over a pad, its sensors and its cameras.
+
+`step(controls)` moves it on by one group of physics ticks; `measure()` hands out what has arrived since. The truth is
+there for the recorder; nobody who flies gets to see it.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from flightlog.atmosphere import pressure_at, temperature_at
+from flightlog.constants import GRAVITY
+from flightlog.equipment import CameraSpec
+from flightlog.marks import HMark
+from flightlog.rotations import matrix, quaternion
+from flightlog.signals import Controls, Frame, Measurement
+from sim import sensors
+from sim.cameras.request import FrameRequest
+from sim.light import Light
+from sim.linearisation import Trim, trim
+from sim.motion import advance, finite
+from sim.pipeline import Pipeline
+from sim.randomness import generator
+from sim.scene import CompiledScene, compose
+from sim.schedule import TICK, InTransit, Schedule
+from sim.sensors.contract import Sensor, Site, Truth
+from sim.sensors.faults import Fault
+from sim.sensors.pad_camera import PadCamera
+from sim.terms.contract import Term
+from sim.vehicle import Vehicle
+from sim.weather import Weather
+from sim.wind import Gust, Wind
+
+Floats = NDArray[np.float64]
+
+TICKS_PER_STEP = 2  # the loop turns at 250 Hz, the rate of the IMU
+STEP = TICKS_PER_STEP * TICK  # [s]
+MAGNETIC_FIELD = np.array([0.0, 22.0, -42.0])  # [uT] ENU: middle latitudes, declination taken out
+
+
+class Eyes(Protocol):
+    """What takes the pictures: asked at the instant of exposure, fetched when they arrive."""
+
+    def submit(self, request: FrameRequest) -> None:
+        """Ask for a picture; returns at once."""
+        ...
+
+    def collect(self) -> tuple[FrameRequest, NDArray[np.uint8]]:
+        """The oldest request not collected yet with its picture (H, W) or (H, W, 3); waits for it where it must."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the renderer."""
+        ...
+
+
+class SimulationDiverged(RuntimeError):
+    """The physics left the numbers; says when, in what state, and the likely cause."""
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where the flight begins, trimmed in the air."""
+
+    position: Floats = field(default_factory=lambda: np.array([0.0, 0.0, 10.0]))  # (3,) [m] ENU
+    heading: float = 0.0  # [rad] clockwise from north
+
+
+@dataclass(slots=True)
+class Contact:
+    """What touches the ground."""
+
+    count: int = 0
+    force: float = 0.0  # [N] sum of the normal forces
+
+
+class World:
+    """One flight's world. Use as a context manager: cameras hold a process."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        *,
+        weather: Weather | None = None,
+        light: Light | None = None,
+        scene: str = "field",
+        dip: bool = False,
+        mark: HMark | None = None,
+        start: Start | None = None,
+        seeds: np.random.SeedSequence,
+        cameras: Mapping[str, CameraSpec] | None = None,
+        eyes: Callable[[CompiledScene], Eyes] | None = None,
+        sensor_numbers: Mapping[str, Mapping[str, float]] | None = None,
+        extra_terms: Sequence[Term] = (),
+        extra_parameters: Mapping[str, Mapping[str, float]] | None = None,
+        extra_faults: Sequence[Fault] = (),
+    ) -> None:
+        """Compile the scene, find the trim and stand ready at t = 0.
+
+        sensor_numbers: by topic, what a scenario changes of the sensors as fitted; cameras: those that fly, where
+        they are not the vehicle's own. eyes: opens the cameras on the compiled scene; None flies on the pad camera's
+        error model instead.
+        """
+        self.vehicle = vehicle
+        self.weather = weather or Weather()
+        self.light = light or Light()
+        start = start or Start()
+        self.site = vehicle.site(self.weather.pressure, self.weather.temperature, MAGNETIC_FIELD)
+
+        self.cameras = dict(vehicle.cameras if cameras is None else cameras)
+        self.scene = compose(vehicle.model, scene, mark, self.cameras, self.light, timestep=TICK, dip=dip)
+        self.model = self.scene.model()
+        self.data = mujoco.MjData(self.model)
+        self._body = self.model.body("vehicle").id
+        self._hinges = [self.model.joint(name).dofadr[0] for name in ("main_rotor", "tail_rotor")]
+        self._qpos = self.data.qpos[:7]
+        self._qvel = self.data.qvel[:6]
+        self._qfrc = self.data.qfrc_applied[:6]
+        self._directions = (float(vehicle.geometry["rotor_direction"]), 4.6)  # the tail rotor turns 4.6 times as fast
+        self._hinge_mass = float(self.model.body_subtreemass[self._body] - self.model.body_mass[self._body])
+
+        self.pipeline = Pipeline(
+            (*vehicle.terms, *extra_terms), {**vehicle.parameters, **(extra_parameters or {})}, vehicle.geometry
+        )
+        self.wind = Wind(self.weather, generator(seeds, "wind"))
+        self._air = self.wind.mean(float(start.position[2]))  # (3,) [m/s] ENU at the vehicle
+        self.trim: Trim = trim(
+            self.pipeline,
+            vehicle.inertia,
+            wind=self._air,
+            height=float(start.position[2]),
+            heading=start.heading,
+            surface_pressure=self.weather.pressure,
+            surface_temperature=self.weather.temperature,
+        )
+        self.signals = self.trim.signals
+        self.signals["time"] = 0.0
+        self.pipeline.state[:] = self.trim.state
+        self.controls = self.trim.controls
+
+        self.tick = 0
+        self.contact = Contact()
+        self._qpos[:3] = start.position
+        self._qpos[3:7] = quaternion(self.trim.roll, self.trim.pitch, start.heading)
+        self._qvel[:] = 0.0
+        self._set_mass()
+        mujoco.mj_forward(self.model, self.data)
+
+        self.truth = self._first_truth()
+        self._fit_sensors(seeds, sensor_numbers or {}, mark, rendered=eyes is not None)
+        self._faults: list[Fault] = list(extra_faults)
+        self._fault_generator = generator(seeds, "faults")
+        self._silent: dict[str, float] = {}  # device -> until when [s]
+        self._transit = InTransit()
+        self._exposures: dict[str, int] = {}
+        self._developed: dict[tuple[str, int], NDArray[np.uint8]] = {}
+        self.eyes = eyes(self.scene) if eyes is not None else None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the cameras' process."""
+        if self.eyes is not None:
+            self.eyes.close()
+
+    @property
+    def t(self) -> float:
+        """Time [s]."""
+        return self.tick * TICK
+
+    # --- the loop ---------------------------------------------------------------------------------------------------
+
+    def step(self, controls: Controls) -> None:
+        """Move on by one group of physics ticks; raises SimulationDiverged where the physics leaves the numbers."""
+        self.controls = controls
+        truth = self.truth
+        u, w, a = truth.velocity, self._air, self.wind
+        airspeed = math.hypot(u[0] - w[0], u[1] - w[1])
+        self._air = a.step(float(self._qpos[2]), airspeed, STEP, self.t)
+        sent = tuple(controls)
+        for _ in range(TICKS_PER_STEP):
+            advance(
+                self.pipeline.kernels,
+                self.pipeline.spans,
+                self.signals,
+                self.pipeline.geometry,
+                self.pipeline.state,
+                self.pipeline.parameters,
+                TICK,
+                self._qpos,
+                self._qvel,
+                self._air,
+                self.weather.pressure,
+                self.weather.temperature,
+                sent,
+                self._qfrc,
+            )
+            self._turn_rotors()
+            mujoco.mj_step(self.model, self.data)
+            self.tick += 1
+            self._sample()
+        self._touch()
+        self._check()
+
+    def measure(self) -> list[Measurement]:
+        """What has arrived since the last call, in order of arrival."""
+        arrived = list(self._transit.arrived(self.tick))
+        return [self._develop(item) if isinstance(item, FrameRequest) else item for item in arrived]
+
+    # --- what a scenario may do to the world -------------------------------------------------------------------------
+
+    def set_wind(self, speed: float, wind_from: float) -> None:
+        """Change the mean wind at 10 m [m/s] and where it comes from [rad, clockwise from north]."""
+        self.wind.set_mean(speed, wind_from)
+
+    def add_gust(self, gust: Gust) -> None:
+        """Let a gust come."""
+        self.wind.add(gust)
+
+    def set_light(self, light: Light) -> None:
+        """Change the sun."""
+        self.light = light
+
+    def silence(self, device: str, until: float) -> None:
+        """Sensor or camera `device` says nothing until that time [s]."""
+        self._silent[device] = until
+
+    def add_fault(self, fault: Fault) -> None:
+        """Corrupt what a sensor sends from now on."""
+        self._faults.append(fault)
+
+    def set_numbers(self, topic: str, numbers: Mapping[str, float]) -> None:
+        """Change numbers of a sensor from now on, by the names of its PARAMETERS, SI."""
+        self._sensors[topic].numbers.update(numbers)
+
+    def numbers(self, topic: str, names: Iterable[str]) -> dict[str, float]:
+        """What those numbers of a sensor are now."""
+        return {name: self._sensors[topic].numbers[name] for name in names}
+
+    def error_columns(self) -> dict[str, tuple[tuple[str, str], ...]]:
+        """By topic, name and unit of each sensor's true fault states."""
+        return {topic: sensor.ERRORS for topic, sensor in self._sensors.items()}
+
+    def sensor_errors(self) -> dict[str, tuple[float, ...]]:
+        """By topic, the true fault states behind each sensor's last sample."""
+        return {topic: sensor.errors() for topic, sensor in self._sensors.items()}
+
+    # --- inside -----------------------------------------------------------------------------------------------------
+
+    def _set_mass(self) -> None:
+        """Fuel burns: the body's mass follows, to a tenth of a gram."""
+        mass = float(self.signals["mass"]) - self._hinge_mass
+        if abs(mass - self.model.body_mass[self._body]) > 1e-4:
+            self.model.body_mass[self._body] = mass
+
+    def _turn_rotors(self) -> None:
+        """The hinges show the rotors' speed; their reaction on the body lives in the terms."""
+        speed = float(self.signals["rotor_speed"])
+        qvel = self.data.qvel
+        qvel[self._hinges[0]] = self._directions[0] * speed
+        qvel[self._hinges[1]] = self._directions[1] * speed
+
+    def _first_truth(self) -> Truth:
+        height = float(self._qpos[2])
+        rotation = matrix(self._qpos[3:7])
+        return Truth(
+            t=0.0,
+            position=self._qpos[:3].copy(),
+            velocity=np.zeros(3),
+            quaternion=self._qpos[3:7].copy(),
+            rotation=rotation,
+            rates=np.zeros(3),
+            angular_acceleration=np.zeros(3),
+            specific_force=rotation.T @ np.array([0.0, 0.0, GRAVITY]),
+            rotor_speed=float(self.signals["rotor_speed"]),
+            thrust=float(self.signals["thrust"]),
+            inflow=float(self.signals["inflow"]),
+            wind=self._air.copy(),
+            pressure=pressure_at(height, self.weather.pressure, self.weather.temperature),
+            temperature=temperature_at(height, self.weather.temperature),
+        )
+
+    def _fit_sensors(
+        self,
+        seeds: np.random.SeedSequence,
+        changed: Mapping[str, Mapping[str, float]],
+        mark: HMark | None,
+        rendered: bool,
+    ) -> None:
+        self._sensors: dict[str, Sensor] = {}
+        for topic, fitted in self.vehicle.sensors.items():
+            numbers = {**fitted.numbers, **changed.get(topic, {})}
+            device = generator(seeds, topic)
+            if topic != "pad":
+                self._sensors[topic] = sensors.CATALOGUE[topic](numbers, fitted.position, self.site, device)
+            elif mark is not None and not rendered:
+                camera = self.cameras["down"]
+                numbers |= {"rate": camera.rate, "latency": camera.latency}
+                self._sensors[topic] = PadCamera(
+                    numbers, camera.mount.position, self.site, device, camera=camera.model, mount=camera.mount, mark=mark
+                )
+        rates = {topic: sensor.numbers["rate"] for topic, sensor in self._sensors.items()}
+        if rendered:
+            rates |= {name: camera.rate for name, camera in self.cameras.items()}
+        self._schedule = Schedule(rates)
+
+    def _sample(self) -> None:
+        """Let every device that is due at this tick look at the truth."""
+        due = self._schedule.due(self.tick)
+        if not due:
+            return
+        self._look()
+        for name in due:
+            if self._silent and self._silent.get(name, 0.0) > self.truth.t:
+                continue
+            if name in self.cameras:
+                self._expose(name)
+                continue
+            sample = self._sensors[name].sample(self.truth)
+            for fault in self._faults:
+                if sample is not None and fault.topic == name:
+                    sample = fault.apply(sample, self.truth.t, self._fault_generator)
+            if sample is not None:
+                self._transit.send(sample, getattr(sample, "t_arrival", sample.t))
+
+    def _look(self) -> None:
+        """Bring the truth up to this tick."""
+        truth = self.truth
+        t = self.tick * TICK
+        since = t - truth.t
+        signals = self.signals
+        truth.position[:] = self._qpos[:3]
+        truth.quaternion[:] = self._qpos[3:7]
+        truth.rotation = rotation = matrix(self._qpos[3:7])
+        # means since the last look: what an integrating IMU sees, and free of the integrator's internals
+        acceleration = (self._qvel[:3] - truth.velocity) / since
+        acceleration[2] += GRAVITY
+        truth.specific_force = acceleration @ rotation
+        truth.angular_acceleration = (self._qvel[3:6] - truth.rates) / since
+        truth.velocity[:] = self._qvel[:3]
+        truth.rates[:] = self._qvel[3:6]
+        truth.t = t
+        truth.rotor_speed = float(signals["rotor_speed"])
+        truth.thrust = float(signals["thrust"])
+        truth.inflow = float(signals["inflow"])
+        truth.wind[:] = self._air
+        truth.pressure = pressure_at(self._qpos[2], self.weather.pressure, self.weather.temperature)
+        truth.temperature = temperature_at(self._qpos[2], self.weather.temperature)
+
+    def _expose(self, camera: str) -> None:
+        """Have a picture taken of this instant; it is fetched when it arrives."""
+        assert self.eyes is not None
+        index = self._exposures.get(camera, 0)
+        self._exposures[camera] = index + 1
+        request = FrameRequest(
+            camera, self.truth.t, index, self.data.qpos.copy(), self.data.qvel.copy(), self.light
+        )
+        self.eyes.submit(request)
+        self._transit.send(request, request.t + self.cameras[camera].latency)
+
+    def _develop(self, request: FrameRequest) -> Frame:
+        """The picture of a request; the renderer hands them out in the order of exposure, not of arrival."""
+        assert self.eyes is not None
+        key = (request.camera, request.index)
+        while key not in self._developed:
+            done, picture = self.eyes.collect()
+            self._developed[done.camera, done.index] = picture
+        arrival = request.t + self.cameras[request.camera].latency
+        return Frame(request.t, arrival, request.camera, self._developed.pop(key))
+
+    def _touch(self) -> None:
+        """What touches the ground now."""
+        contact = self.contact
+        contact.count = self.data.ncon
+        contact.force = 0.0
+        if contact.count:
+            wrench = np.zeros(6)
+            for i in range(contact.count):
+                mujoco.mj_contactForce(self.model, self.data, i, wrench)
+                contact.force += float(wrench[0])
+
+    def _check(self) -> None:
+        """Stop where the physics has left the numbers, and say so."""
+        bad = self.data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number
+        if bad or not finite(self._qpos, self._qvel) or not math.isfinite(self.signals["rotor_speed"]):
+            last = self.truth
+            raise SimulationDiverged(
+                f"the physics left the numbers at t = {self.t:.3f} s; last sound state: position "
+                f"{np.round(last.position, 2).tolist()} m, velocity {np.round(last.velocity, 2).tolist()} m/s, rates "
+                f"{np.round(last.rates, 2).tolist()} rad/s, rotor {last.rotor_speed:.1f} rad/s; likely cause: "
+                f"{self._suspect()}"
+            )
+
+    def _suspect(self) -> str:
+        """What most likely drove the physics out of the numbers."""
+        for name, value in zip(self.pipeline.state_names, self.pipeline.state, strict=True):
+            if not math.isfinite(value):
+                return f"term {name.split('.')[0]!r}, whose state {name!r} is {value}"
+        for name, value in self.controls._asdict().items():
+            if not math.isfinite(value):
+                return f"control {name!r}, which the pilot sent as {value}"
+        for axis, value in zip("xyz", self.signals["force"], strict=True):
+            if not math.isfinite(value) or abs(value) > 1e4:
+                return f"a model force of {value:.3g} N along body {axis}: check the vehicle's numbers"
+        return "motion too fast for the physics' step: check masses, inertias and gains"
+
