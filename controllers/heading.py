@@ -1,0 +1,75 @@
+"""Heading to tail: LQR on heading and yaw rate with integral, and the engine's torque reckoned in beforehand."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.plant import SAMPLE_TIME, LinearPlant
+from controllers.regulator import bryson, lqr, residualise
+
+INTEGRAL, HEADING, RATE = 0.3, 0.10, 0.35  # Bryson's largest values [rad s], [rad], [rad/s]
+TAIL = 0.03  # [rad]
+STEADY_LIMIT = 0.15  # [rad] integral part
+ERROR_LIMIT = 0.35  # [rad] of heading error that the loop acts on at once
+
+
+@dataclass(frozen=True)
+class HeadingGains:
+    """Of the heading loop."""
+
+    heading: float  # [1] tail per heading error
+    rate: float  # [s] tail per yaw rate
+    integral: float  # [1/s]
+    torque: float  # [rad] tail per throttle that the engine has taken up
+    engine_share: float  # [1] of its lag that the engine makes up in a period
+    trim_tail: float  # [rad]
+    trim_throttle: float  # [1]
+    limit: float  # [rad]
+
+
+def design_heading(plant: LinearPlant) -> HeadingGains:
+    """Gains for this plant, the tail servo at rest."""
+    tail, yaw = plant.inputs("tail"), plant.states("wz")
+    damping, effect = residualise(plant.A, plant.B[:, tail], yaw, plant.states("servo.tail"))
+    a, b = np.zeros((3, 3)), np.zeros((3, 1))  # integral of heading, heading, turn to the right
+    a[0, 1] = a[1, 2] = 1.0
+    a[2, 2], b[2, 0] = damping[0, 0], -effect[0, 0]
+    integral, heading, rate = lqr(a, b, bryson(INTEGRAL, HEADING, RATE), bryson(TAIL))[0].tolist()
+    engine = plant.states("engine.throttle")
+    torque = plant.A[yaw[0], engine[0]] if engine else plant.B[yaw[0], plant.inputs("throttle")[0]]
+    lag = sum(-1.0 / plant.A[i, i] for i in plant.states("engine.throttle", "servo.throttle"))
+    lag -= sum(-1.0 / plant.A[i, i] for i in plant.states("servo.tail"))  # the tail's own comes on top
+    return HeadingGains(
+        heading=heading,
+        rate=rate,
+        integral=integral,
+        torque=-torque / effect[0, 0],
+        engine_share=1.0 - math.exp(-SAMPLE_TIME / lag) if lag > 0.0 else 1.0,
+        trim_tail=plant.trim.tail,
+        trim_throttle=plant.trim.throttle,
+        limit=plant.upper.tail,
+    )
+
+
+class HeadingLoop:
+    """The loop in flight."""
+
+    def __init__(self, gains: HeadingGains) -> None:
+        self._gains = gains
+        self._steady = 0.0  # [rad] integral part
+        self._engine = gains.trim_throttle  # what the engine is thought to give
+
+    def update(self, heading: float, wz: float, wanted: float, throttle: float, hold: bool) -> float:
+        """Tail [rad] for a heading wanted [rad], the throttle as last sent; hold: the integral rests."""
+        gains = self._gains
+        self._engine += gains.engine_share * (throttle - self._engine)
+        error = (wanted - heading + math.pi) % (2.0 * math.pi) - math.pi
+        error = min(max(error, -ERROR_LIMIT), ERROR_LIMIT)
+        feedback = gains.heading * error + gains.rate * wz + self._steady
+        tail = gains.trim_tail + feedback + gains.torque * (self._engine - gains.trim_throttle)
+        limited = min(max(tail, -gains.limit), gains.limit)
+        if not hold and error * (tail - limited) <= 0.0:
+            steady = self._steady + gains.integral * SAMPLE_TIME * error
+            self._steady = min(max(steady, -STEADY_LIMIT), STEADY_LIMIT)
+        return limited
