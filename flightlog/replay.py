@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from flightlog.equipment import CameraSpec, Equipment
 from flightlog.errors import UserError
-from flightlog.replay_layout import COLOURS, TIMELINE, blueprint
-from flightlog.replay_scene import Mesh, disc, log_cameras, log_scene
-from flightlog.replay_series import RPM, Series, height_errors, heights, path, thin
+from flightlog.replay_layout import CHASE, COLOURS, PALETTE, TIMELINE, blueprint
+from flightlog.replay_scene import Mesh, disc, log_cameras, log_scene, visible
+from flightlog.replay_series import RPM, Attitude, Series, height_errors, heights, path, thin
 from flightlog.tables import Table
 
 Floats = NDArray[np.float64]
@@ -58,19 +58,21 @@ class ReplayWriter:
         self._last: dict[str, float] = {}
         self._rec = rr.RecordingStream("helideck", send_properties=False)
         try:
-            self._rec.save(self.file, default_blueprint=blueprint(list(self.cameras)))
+            self._rec.save(
+                self.file, default_blueprint=blueprint({name: spec.model for name, spec in self.cameras.items()})
+            )
         except RuntimeError as error:
             raise UserError(f"{self.file}: cannot be written: {str(error).splitlines()[0]}") from None
         self._rec.send_recording_name(title)
         parts = dict(meshes)
         if rotor is not None:
             hub, radius = rotor
-            parts["rotor_disc"] = (*disc(np.asarray(hub, float), radius), (0.75, 0.8, 0.9, 0.25))
+            parts["rotor_disc"] = (*disc(np.asarray(hub, float), radius), (0.75, 0.8, 0.9, 0.15))
         log_scene(self._rec, parts, equipment.mark if equipment is not None else None)
         log_cameras(self._rec, self.cameras)
         for name in self.cameras:
             self._rec.log(
-                f"cameras/{name}/seen", rr.LineStrips2D.from_fields(colors=[FOUND], radii=[rr.Radius.ui_points(1.5)]),
+                f"cameras/{name}/seen", rr.LineStrips2D.from_fields(colors=[FOUND], radii=[-1.5]),
                 static=True,
             )  # fmt: skip
 
@@ -97,8 +99,9 @@ class ReplayWriter:
         _, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])
         self._rec.set_time(TIMELINE, duration=t)
         self._rec.log(f"cameras/{camera}", rr.EncodedImage(contents=jpeg.tobytes(), media_type="image/jpeg"))
-        # rerun counts from the picture's corner, pixel centres at halves; no lines takes away the last ones
-        strips = [np.asarray(line, np.float32).reshape(-1, 2) + np.float32(0.5) for line in overlay]
+        height, width = image.shape[:2]
+        # no lines takes away the last ones
+        strips = [piece for line in overlay for piece in visible(line, width, height)]
         self._rec.log(f"cameras/{camera}/seen", rr.LineStrips2D.from_fields(strips=strips))
 
     def event(self, t: float, text: str, level: str = "INFO") -> None:
@@ -118,7 +121,7 @@ class ReplayWriter:
             self._flown("truth", truth["state"])
         if "controls" in measured:
             table = measured["controls"]
-            for name, colour in zip(table.columns[1:], _PALETTE, strict=False):
+            for name, colour in zip(table.columns[1:], PALETTE, strict=False):
                 place, scale = ("throttle", 1.0) if table.unit(name) == "1" else ("controls", np.degrees(1.0))
                 self._curve(f"{place}/{name}", table["t"], table[name] * scale, colour, name)
         if "rotor" in measured:
@@ -145,17 +148,17 @@ class ReplayWriter:
         """The vehicle as it moved (as it believes to have, without truth), and both paths."""
         table = truth.get("state") or measured.get("estimate")
         if table is not None and len(table):
-            from flightlog.replay_series import Attitude
-
             t, points = path(table, RATE)
             turns = Attitude(table).at(t).as_quat()
+            times = [rr.TimeColumn(TIMELINE, duration=t)]
             self._rec.send_columns(
                 "world/vehicle",
-                indexes=[rr.TimeColumn(TIMELINE, duration=t)],
+                indexes=times,
                 columns=rr.Transform3D.columns(translation=points, quaternion=turns),
             )
+            self._rec.send_columns(CHASE, indexes=times, columns=rr.Transform3D.columns(translation=points))
         for name, source, colour in (
-            ("true", truth.get("state"), COLOURS["truth"]),
+            ("true", truth.get("state"), (235, 235, 235)),
             ("fused", measured.get("estimate"), COLOURS["fusion"]),
         ):
             if source is None:
@@ -164,7 +167,7 @@ class ReplayWriter:
             if len(t) < 2:
                 continue
             place = f"world/path/{name}"
-            self._rec.log(place, rr.LineStrips3D.from_fields(colors=[colour], radii=[0.012]), static=True)
+            self._rec.log(place, rr.LineStrips3D.from_fields(colors=[colour], radii=[0.006]), static=True)
             pieces = list(np.stack([points[:-1], points[1:]], axis=1).astype(np.float32))
             self._rec.send_columns(
                 place,
@@ -207,9 +210,3 @@ class ReplayWriter:
             indexes=[rr.TimeColumn(TIMELINE, duration=t[chosen])],
             columns=rr.Scalars.columns(scalars=values[chosen]),
         )
-
-
-_PALETTE = (
-    (255, 167, 38), (64, 196, 255), (124, 220, 110), (255, 92, 160), (200, 160, 255), (255, 235, 59), (240, 240, 240),
-    (160, 110, 70),
-)  # fmt: skip

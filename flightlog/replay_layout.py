@@ -1,36 +1,43 @@
 """How the replay is laid out: the scene at the left, the pictures beside it, curves and events below."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import rerun.blueprint as rrb
 
+from flightlog.camera import CameraModel
+
 TIMELINE = "flight"
+CHASE = "world/chase"  # moves with the vehicle, but does not turn: the frame of a camera that flies along
 NIGHT = (18, 24, 33)  # the 3D scene's background; the ground fades into it
 
-# one colour a quantity, in every plot
+# one colour a quantity, in every plot; each can be told from a white and from a black background
 COLOURS: dict[str, tuple[int, int, int]] = {
-    "truth": (245, 245, 245),
-    "fusion": (64, 196, 255),
-    "baro": (255, 167, 38),
-    "gps": (124, 220, 110),
-    "vision": (255, 92, 160),
-    "sonar": (255, 235, 59),
+    "truth": (134, 138, 147),
+    "fusion": (30, 136, 229),
+    "baro": (245, 124, 0),
+    "gps": (67, 160, 71),
+    "vision": (226, 50, 124),
+    "sonar": (197, 160, 0),
 }
+PALETTE = ((245, 124, 0), (30, 136, 229), (67, 160, 71), (226, 50, 124), (142, 95, 220), (0, 165, 165), (197, 160, 0))
 
 TITLES = {"down": "Down camera", "forward_a": "Forward camera A", "forward_b": "Forward camera B"}
 
 
-def blueprint(cameras: Sequence[str]) -> rrb.Blueprint:
-    """The layout for a recording with pictures of these cameras."""
-    pictures = [rrb.Spatial2DView(origin=f"cameras/{name}", name=TITLES.get(name, name)) for name in cameras]
-    top: list[Any] = [_scene()]
-    shares = [2.0]
+def blueprint(cameras: Mapping[str, CameraModel]) -> rrb.Blueprint:
+    """The layout for a recording with pictures of these cameras, by name."""
+    top: list[Any] = [
+        _scene("Flight", "world", _eye((-9.5, -13.0, 6.2), (0.0, 0.0, 5.3))),
+        _scene("Chase", CHASE, _eye((-1.7, -2.1, 1.0), (0.0, 0.0, -0.05))),
+    ]
+    shares = [0.9, 1.1]
+    pictures = [_picture(name, model) for name, model in cameras.items()]
     if pictures:
         first, *others = pictures
         column = [first, rrb.Horizontal(*others)] if others else [first]
         top.append(rrb.Vertical(*column, row_shares=[1.7, 1.0][: len(column)]))
-        shares.append(1.05)
+        shares.append(1.1)
     heights = rrb.Tabs(
         _plot("height", "Height [m]"),
         _plot("height_error", "Height error [m]", (-1.0, 1.0)),
@@ -54,7 +61,7 @@ def blueprint(cameras: Sequence[str]) -> rrb.Blueprint:
     )
 
 
-def _scene() -> Any:
+def _scene(name: str, origin: str, eye: Any) -> Any:
     # trails show what has been flown up to the cursor
     so_far = rrb.VisibleTimeRanges(
         timeline=TIMELINE,
@@ -62,15 +69,28 @@ def _scene() -> Any:
         end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.0),
     )
     return rrb.Spatial3DView(
-        origin="world",
-        name="Flight",
+        origin=origin,
+        contents="world/**",
+        name=name,
         background=rrb.Background(color=NIGHT),
         line_grid=rrb.LineGrid3D(visible=False),
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital, position=(-7.5, -11.0, 6.5), look_target=(0.0, 0.0, 4.6), eye_up=(0.0, 0.0, 1.0)
-        ),
+        eye_controls=eye,
         overrides={"world/path/true": so_far, "world/path/fused": so_far},
     )
+
+
+def _eye(position: tuple[float, float, float], target: tuple[float, float, float]) -> rrb.EyeControls3D:
+    return rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=position,
+        look_target=target,
+        eye_up=(0.0, 0.0, 1.0),
+    )
+
+
+def _picture(name: str, model: CameraModel) -> Any:
+    frame = rrb.VisualBounds2D(x_range=(0.0, float(model.width)), y_range=(0.0, float(model.height)))
+    return rrb.Spatial2DView(origin=f"cameras/{name}", name=TITLES.get(name, name), visual_bounds=frame)
 
 
 def _plot(origin: str, name: str, span: tuple[float, float] | None = None) -> Any:

@@ -1,7 +1,9 @@
 """What stands still in the replay's 3D scene: ground, pad with its mark, the vehicle's meshes and its cameras."""
 
 from collections.abc import Mapping
+from itertools import pairwise
 
+import cv2
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
@@ -63,9 +65,9 @@ def log_cameras(rec: rr.RecordingStream, cameras: Mapping[str, CameraSpec]) -> N
                 width=model.width,
                 height=model.height,
                 camera_xyz=rr.ViewCoordinates.RDF,
-                image_plane_distance=0.35,
-                color=(120, 160, 190, 160),
-                line_width=1.0,
+                image_plane_distance=0.2,
+                color=(110, 150, 180, 160),
+                line_width=-1.0,  # below zero: in points of the display, not in metres
             ),
             static=True,
         )
@@ -99,6 +101,23 @@ def disc(centre: Floats, radius: float, sides: int = 48) -> tuple[Floats, NDArra
     here, onward = np.arange(sides) + 1, np.roll(np.arange(sides) + 1, -1)
     top = np.column_stack([np.zeros(sides, int), here, onward])
     return vertices, np.vstack([top, top[:, ::-1]])
+
+
+def visible(line: Floats, width: int, height: int) -> list[Floats]:
+    """The pieces (2, 2) of a line (N, 2) [px] that lie in the picture, in rerun's pixels.
+
+    rerun counts from the picture's corner, so that pixel centres lie at halves.
+    """
+    # OpenCV clips integers: a sixteenth of a pixel is finer than the display
+    points = np.round((np.asarray(line, float).reshape(-1, 2) + 0.5) * 16.0)
+    if not np.isfinite(points).all():
+        return []
+    pieces = []
+    for start, end in pairwise(np.clip(points, -(2.0**24), 2.0**24).astype(int).tolist()):
+        inside, first, last = cv2.clipLine((0, 0, 16 * width, 16 * height), start, end)
+        if inside:
+            pieces.append(np.array([first, last]) / 16.0)
+    return pieces
 
 
 def _ground(rec: rr.RecordingStream) -> None:
