@@ -74,7 +74,7 @@ class Barometer(Device):
     def sample(self, truth: Truth) -> BaroSample:
         """Pressure [Pa], temperature [K] and altitude [m] at `truth`."""
         n, z = self.numbers, self._normals.draw()
-        dt = self.period
+        dt = self.elapsed(truth.t)
         density = truth.pressure / (GAS_CONSTANT * truth.temperature)
         weight = density * GRAVITY  # [Pa/m]
         skids = max(0.0, float(truth.position[2]) - self.site.skid_height)

@@ -1,5 +1,6 @@
 """What all simulated devices share: their numbers, mount, site and random numbers."""
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
 
@@ -55,7 +56,14 @@ class Device:
         self.position = (x, y, z)
         self.site = site
         self.rng = rng
-        self.period = 1.0 / self.numbers["rate"]  # [s]
+        self._period = 1.0 / self.numbers["rate"]  # [s]
+        self._last = math.nan  # [s] time of the last sample
+
+    def elapsed(self, t: float) -> float:
+        """Time [s] since the last sample, which may be long where the device was silenced; a period at the first."""
+        dt = t - self._last
+        self._last = t
+        return dt if dt > 0.0 else self._period
 
     def height_of_mount(self, rotation: Floats) -> float:
         """Height [m] of the mount above the body origin in the world; `rotation` (3, 3) body to world."""

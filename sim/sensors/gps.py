@@ -2,7 +2,7 @@
 
 The published flights show a nearly constant offset with a small spread (Lei 2012, stairs: mean 0.76 m, std 0.165 m),
 so bias and Gauss-Markov wander (multipath, troposphere, datum) carry most of the error and the white part little.
-All of it grows with hdop, which follows from the number of satellites in view.
+Wander and white noise grow with hdop, which follows from the number of satellites in view.
 """
 
 import math
@@ -19,6 +19,7 @@ from sim.sensors.noise import Normals, gauss_markov
 
 NAN = math.nan
 LEAST_SATELLITES = 4  # for a position and the receiver's clock
+USUAL_SATELLITES = 9  # the errors and hdop are stated for so many
 
 
 class Gps(Device):
@@ -38,7 +39,7 @@ class Gps(Device):
         Parameter("velocity_noise", "m/s", 0.0, 5.0, "white noise of each velocity"),
         Parameter("satellites", "1", 0.0, 40.0, "in view on the average"),
         Parameter("satellites_std", "1", 0.0, 10.0, "their coming and going"),
-        Parameter("hdop", "1", 0.3, 50.0, "dilution at the average number of satellites, for which the errors stand"),
+        Parameter("hdop", "1", 0.3, 50.0, "dilution with nine satellites, for which the errors are stated"),
         Parameter("delay", "s", 0.0, 2.0, "more latency than the receiver knows: its stamps are late by this", 0.0),
         Parameter("bias_e", "m", -1000.0, 1000.0, "fixed bias", 0.0),
         Parameter("bias_n", "m", -1000.0, 1000.0, "fixed bias", 0.0),
@@ -62,7 +63,7 @@ class Gps(Device):
     def sample(self, truth: Truth) -> GpsSample:
         """The fix whose time of validity is `truth`."""
         n, z = self.numbers, self._normals.draw()
-        dt = self.period
+        dt = self.elapsed(truth.t)
         tau = n["wander_tau"]
         self._sky = gauss_markov(self._sky, 1.0, tau, dt, z[9])
         wander, ramp, bias = self._wander, self._ramp, self._bias
@@ -70,12 +71,11 @@ class Gps(Device):
             wander[i] = gauss_markov(wander[i], 1.0, tau, dt, z[i])
             ramp[i] += n["drift_rate_" + axis] * dt
         t = truth.t + n["delay"]
-        average = n["satellites"]
-        satellites = max(0, round(average + n["satellites_std"] * self._sky))
+        satellites = max(0, round(n["satellites"] + n["satellites_std"] * self._sky))
         if satellites < LEAST_SATELLITES:
             self._error = (NAN, NAN, NAN)
             return GpsSample(t, t + n["latency"], NAN, NAN, NAN, NAN, NAN, NAN, satellites, NAN, False)
-        dilution = math.sqrt(max(average, 1.0) / satellites)
+        dilution = math.sqrt(USUAL_SATELLITES / satellites)
         side, up = n["wander_std"], n["wander_std_up"]
         e = n["bias_e"] + ramp[0] + n["bias_std"] * bias[0] + dilution * side * wander[0]
         north = n["bias_n"] + ramp[1] + n["bias_std"] * bias[1] + dilution * side * wander[1]

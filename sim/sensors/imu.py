@@ -113,7 +113,6 @@ class Imu(Device):
         self._state: Floats = np.array([0.0] * 6 + [phase, site.nominal_rotor_speed, tail_phase])
         self._noise: Floats = np.empty((_ROWS, 12))
         self._row = _ROWS
-        self._last = math.nan
         self._calibrate()
 
     def _calibrate(self) -> None:
@@ -122,7 +121,7 @@ class Imu(Device):
         bandwidth = 0.5 * n["rate"]
         packed: list[float] = []
         for kind in ("accel", "gyro"):
-            decay = math.exp(-self.period / n[f"{kind}_drift_tau"])
+            decay = math.exp(-self._period / n[f"{kind}_drift_tau"])
             step = n[f"{kind}_drift_std"] * math.sqrt(1.0 - decay * decay)
             packed += [n[f"{kind}_noise"] * math.sqrt(bandwidth), decay, step]
         packed += [n["accel_range"], n["gyro_range"]]
@@ -149,11 +148,9 @@ class Imu(Device):
             self._noise = self.rng.standard_normal((_ROWS, 12))
             self._row = 0
         t = truth.t
-        dt = t - self._last if t > self._last else self.period
-        self._last = t
         measured = _measure(
-            truth.specific_force, truth.rates, truth.angular_acceleration, truth.rotor_speed, dt, self._mount,
-            self._packed, self._calibration, self._state, self._noise, self._row,
+            truth.specific_force, truth.rates, truth.angular_acceleration, truth.rotor_speed, self.elapsed(t),
+            self._mount, self._packed, self._calibration, self._state, self._noise, self._row,
         )  # fmt: skip
         self._row += 1
         return ImuSample(t, *measured)

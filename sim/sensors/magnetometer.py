@@ -61,9 +61,9 @@ class Magnetometer(Device):
             y - turn_std * (az * x - ax * h),
             h - turn_std * (ax * y - ay * x),
         )
-        drift = self._drift
+        drift, dt = self._drift, self.elapsed(truth.t)
         for i in range(3):
-            drift[i] = gauss_markov(drift[i], std, tau, self.period, z[i])
+            drift[i] = gauss_markov(drift[i], std, tau, dt, z[i])
         bx = n["bias_x"] + bias_std * self._bias[0] + drift[0]
         by = n["bias_y"] + bias_std * self._bias[1] + drift[1]
         bz = n["bias_z"] + bias_std * self._bias[2] + drift[2]

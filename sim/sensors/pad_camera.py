@@ -26,7 +26,7 @@ from sim.sensors.contract import Floats, Site, Truth
 from sim.sensors.device import LATENCY, RATE, Device
 from sim.sensors.noise import gauss_markov
 
-SAMPLE_SPACING = 0.04  # [m] along the outline
+SAMPLE_SPACING = 0.05  # [m] along the outline
 
 _OPEN_STD = 3.0  # [m], [rad]: what the front end says of a direction that no visible edge measures
 
@@ -103,22 +103,25 @@ def _information(position, rotation, mount, axes, mark_axis, intrinsics, margin,
 
 
 @numba.njit(cache=True)
-def _solve(information, edge_noise, prior, nuisance, normal):
-    """Covariance (4, 4) of the pose and one draw (4,) of its error.
+def _solve(information, edge_noise, tilt_std, bleed_std, tilt_x, tilt_y, bleed, normal):
+    """One draw (4,) of the pose's error and the variances (4,) that the front end states.
 
-    prior (7,): deviations of what the fit knows beforehand; nuisance (3,): how far tilt and bleed really are from it.
+    tilt and bleed: how far they really are from what the fit takes for granted. normal: seven numbers or more.
     """
     scaled = information / (edge_noise * edge_noise)
     posterior = scaled.copy()
     for i in range(7):
-        posterior[i, i] += 1.0 / (prior[i] * prior[i])
-        scaled[i, i] *= 1.0 + 1e-9  # a Cholesky factor also where an unknown is not seen at all
-        scaled[i, i] += 1e-12
+        std = _OPEN_STD if i < 4 else tilt_std if i < 6 else bleed_std
+        posterior[i, i] += 1.0 / (std * std)
+        # a Cholesky factor also where an unknown is not seen at all
+        scaled[i, i] = scaled[i, i] * (1.0 + 1e-9) + 1e-12
     covariance = np.linalg.inv(posterior)
-    noise = np.linalg.cholesky(scaled) @ normal
-    for i in range(3):
-        noise[4 + i] += nuisance[i] / (prior[4 + i] * prior[4 + i])
-    return covariance[:4, :4], (covariance @ noise)[:4]
+    noise = np.linalg.cholesky(scaled) @ normal[:7]
+    noise[4] += tilt_x / (tilt_std * tilt_std)
+    noise[5] += tilt_y / (tilt_std * tilt_std)
+    noise[6] += bleed / (bleed_std * bleed_std)
+    e = covariance @ noise
+    return (e[0], e[1], e[2], e[3]), (covariance[0, 0], covariance[1, 1], covariance[2, 2], covariance[3, 3])
 
 
 def _outline(mark: HMark) -> Floats:
@@ -195,9 +198,9 @@ class PadCamera(Device):
         n = self.numbers
         normal = self.rng.standard_normal(13)
         found = self.rng.random()
-        tilt = self._tilt
+        tilt, dt = self._tilt, self.elapsed(truth.t)
         for i in range(2):
-            tilt[i] = gauss_markov(tilt[i], 1.0, n["tilt_tau"], self.period, float(normal[7 + i]))
+            tilt[i] = gauss_markov(tilt[i], 1.0, n["tilt_tau"], dt, normal[7 + i])
         self._error = (math.nan,) * 7
         centre, angle, information, visible = _information(
             truth.position, truth.rotation, self._mount, self._axes, self._mark_axis, self._intrinsics, n["margin"],
@@ -210,22 +213,22 @@ class PadCamera(Device):
         share = n["detection_share"] if visible > 1.0 - 1e-9 else n["cut_detection_share"]
         if self._leg * min(fx, fy) < n["least_size"] * z or found >= share:
             return None
-        tilt_std, bleed_std = n["tilt_std"], n["bleed_std"]
-        prior = np.array([_OPEN_STD, _OPEN_STD, _OPEN_STD, _OPEN_STD, tilt_std, tilt_std, bleed_std])
-        nuisance = np.array([tilt_std * tilt[0], tilt_std * tilt[1], bleed_std * self._bleed])
-        covariance, error = _solve(information, n["edge_noise"], prior, nuisance, normal[:7])
+        tilt_x, tilt_y = n["tilt_std"] * tilt[0], n["tilt_std"] * tilt[1]
+        (ex, ey, ez, ea), (vx, vy, vz, va) = _solve(
+            information, n["edge_noise"], n["tilt_std"], n["bleed_std"], tilt_x, tilt_y, n["bleed_std"] * self._bleed,
+            normal,
+        )  # fmt: skip
         jitter_x, jitter_y, far, twist = normal[9:].tolist()
         std_x, std_y = n["centre_noise"] * z / fx, n["centre_noise"] * z / fy
         std_share, std_twist = n["distance_noise"], n["angle_noise"]
         scale = n["scale"] + n["scale_std"] * self._scale
         # an error of the distance moves the mark along its ray
         stretch = scale * (1.0 + std_share * far)
-        ex, ey, ez, ea = error.tolist()
-        seen_x, seen_y, seen_z = (x + ex) * stretch + std_x * jitter_x, (y + ey) * stretch + std_y * jitter_y, z + ez
-        seen_z *= stretch
+        seen_x = (x + ex) * stretch + std_x * jitter_x
+        seen_y = (y + ey) * stretch + std_y * jitter_y
+        seen_z = (z + ez) * stretch
         seen_angle = angle + ea + std_twist * twist
-        self._error = (seen_x - x, seen_y - y, seen_z - z, seen_angle - angle, scale, *nuisance[:2].tolist())
-        vx, vy, vz, va = np.diagonal(covariance).tolist()
+        self._error = (seen_x - x, seen_y - y, seen_z - z, seen_angle - angle, scale, tilt_x, tilt_y)
         t = truth.t + n["delay"]
         return PadSample(
             t,

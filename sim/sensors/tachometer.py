@@ -37,6 +37,7 @@ class Tachometer(Device):
         """Draws where the magnet stands."""
         super().__init__(numbers, position, site, rng)
         self._pulses = float(rng.uniform(0.0, 1.0))  # counted with their fraction
+        self._counted = 0  # whole pulses up to the last stamp
         self._speed = math.nan  # true, at the last sample
         self._stamp = math.nan  # [s] of the last whole pulse
         self._measured = 0.0
@@ -48,19 +49,23 @@ class Tachometer(Device):
         noise = 1.0 + n["noise_share"] * self._normals.draw()[0]
         turn = 2.0 * math.pi / n["pulses"]  # [rad] from one pulse to the next
         first = math.isnan(self._speed)
-        mean = speed if first else 0.5 * (speed + self._speed)
-        before = math.floor(self._pulses)
-        self._pulses += mean * self.period / turn
+        before = speed if first else self._speed
+        mean, dt = 0.5 * (speed + before), self.elapsed(t)
+        self._pulses += mean * dt / turn
         whole = math.floor(self._pulses)
+        passed = whole - self._counted
         self._speed = speed
-        if whole > before and speed > 0.0:
+        if passed > 0 and speed > 0.0:
             timer = n["timer"]
-            stamp = t - (self._pulses - whole) * turn / speed
+            since = (self._pulses - whole) * turn
+            back = since / speed
+            # the speed changes evenly from sample to sample
+            stamp = t - since / max(speed - 0.5 * back * (speed - before) / dt, 0.5 * speed)
             if timer > 0.0:
                 stamp = timer * math.floor(stamp / timer)
-            span = (whole - before) * turn / mean if math.isnan(self._stamp) else stamp - self._stamp
-            self._stamp = stamp
-            self._measured = n["scale"] * (whole - before) * turn / max(span, timer, 1e-9)
+            span = passed * turn / mean if math.isnan(self._stamp) else stamp - self._stamp
+            self._stamp, self._counted = stamp, whole
+            self._measured = n["scale"] * passed * turn / max(span, timer, 1e-9)
         elif not math.isnan(self._stamp):
             waited = t - self._stamp
             self._measured = 0.0 if waited > n["timeout"] else min(self._measured, n["scale"] * turn / waited)
