@@ -1,7 +1,7 @@
 """Tip-path plane of a rotor with flybar: first order, both axes coupled by the stiffness of the hub.
 
 With z = back + i right, turn = wy - i wx and D the rotor's direction (Gavrilets 2003 for the form and the speed
-derivative; cross-coupling by the stiffness number S = 8 (nu^2 - 1)/gamma, Padfield 1996, section 3.2):
+derivative; cross-coupling by the stiffness number S = 8 (nu^2 - 1)/gamma, Padfield 1996, chapter 3):
 
     dz/dt = turn + (cyclic + speed - (1 + i D S) z)/tau
     cyclic = gain (Omega/Omega_0)^2 (-longitudinal + i lateral)

@@ -1,6 +1,6 @@
 """Main rotor: blade element and momentum theory with inflow that takes its time.
 
-Thrust of untwisted blades (Gavrilets 2003; Johnson, Helicopter Theory, section 5-3):
+Thrust of untwisted blades (Gavrilets 2003; Johnson, Helicopter Theory, chapter 5):
 
     C_T = (sigma a/2) (theta (1/3 + mu^2/2) - (mu_z + lambda_i)/2)
 

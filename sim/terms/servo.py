@@ -20,9 +20,11 @@ _HEAD, _AGE, _FILLED, _RING = 5, 6, 7, 8  # after the five positions
 def _servo(s, v, x, p, dt):  # type: ignore[no-untyped-def]
     # x: positions (5), newest slot, its age [s], 1 once filled, the ring (SLOTS, 5)
     command = (s.collective, s.lateral, s.longitudinal, s.tail, s.throttle)
+    low = (p[4], -p[6], -p[6], -p[7], 0.0)
+    high = (p[5], p[6], p[6], p[7], 1.0)
     if x[_FILLED] == 0.0:  # servos stand where the first command puts them
         for i in range(5):
-            x[i] = command[i]
+            x[i] = min(max(command[i], low[i]), high[i])
             for slot in range(SLOTS):
                 x[_RING + 5 * slot + i] = command[i]
         x[_FILLED] = 1.0
@@ -38,8 +40,6 @@ def _servo(s, v, x, p, dt):  # type: ignore[no-untyped-def]
         x[_HEAD] = head
         x[_AGE] = 0.0
 
-    low = (p[4], -p[6], -p[6], -p[7], 0.0)
-    high = (p[5], p[6], p[6], p[7], 1.0)
     for i in range(5):
         delay = p[0] if i < 4 else p[8]
         if delay <= x[_AGE]:  # between the command of this tick and the newest entry

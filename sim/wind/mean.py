@@ -1,4 +1,4 @@
-"""Mean wind over the height: the logarithmic profile of MIL-F-8785C, section 3.7.3.4.
+"""Mean wind over the height: the logarithmic profile of MIL-F-8785C, section 3.7.3.2.
 
 u(h) = W_20 ln(h/z_0)/ln(20 ft/z_0),   z_0 = 0.15 ft for the terminal phases of flight
 """
