@@ -7,8 +7,9 @@ to the logbook and to the observer alone.
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from flightlog.marks import HMark
 from scenarios import cameras as camera_tables
 from scenarios.crew import Navigator, NavigatorMaker, Pilot, PilotMaker, make_navigator, make_pilot
 from scenarios.events import Script, sensor_numbers
-from scenarios.recording import Recording
+from scenarios.recording import FolderRecording, Recording, Unrecorded, versions
 from scenarios.schema import Scenario
 from scenarios.stopwatch import Stopwatch
 from scenarios.summary import Observer, Summary
@@ -25,14 +26,25 @@ from sim import vehicle as vehicles
 from sim.cameras.rendering import RenderProcess
 from sim.randomness import generator
 from sim.vehicle import Vehicle
-from sim.world import SimulationDiverged, Start, World
+from sim.world import Start, World
 
 Floats = NDArray[np.float64]
 
-AFTER_LANDING = 2.0  # [s] flown on after landing, so that the rotor is seen to run down
+HOVER_LIMIT = 1.0  # [m] from its point that a hover may stray and still be a success
+LANDING_LIMITS = (0.30, 0.5, 0.4)  # offset [m], sink and drift [m/s] of a success
 PADS = {"h": HMark(), "none": None}
 
+PROGRESS_EVERY = 0.1  # [s]
+HELD = "held to the end"
+
 Progress = Callable[[float, str, float], None]  # time [s], phase, estimated height [m]
+
+
+class Crew(NamedTuple):
+    """Who flies."""
+
+    navigator: Navigator
+    pilot: Pilot
 
 
 @dataclass(frozen=True)
@@ -110,45 +122,104 @@ def fly(
         },
     ) as world:
         equipment = nominal.equipment(mark or HMark(), world.site)
-        crew_navigator = navigator(equipment, scenario, cameras)
-        crew_pilot = pilot(nominal, world.site, scenario, start.heading)
+        crew = Crew(navigator(equipment, scenario, cameras), pilot(nominal, world.site, scenario, start.heading))
         observer = Observer(world, equipment)
-        recording = Recording.open(folder, world, scenario, name, seeds, flying, nominal, keep_frames=keep_frames)
+        document = {
+            "scenario_name": name,
+            "seed": seeds.entropy,
+            "scenario": scenario,
+            "vehicle": flying.document,
+            "aboard": nominal.document,
+            "versions": versions(),
+        }
+        recording: Recording = Unrecorded()
+        if folder is not None:
+            recording = FolderRecording(folder, world, equipment, document, keep_frames=keep_frames)
+        if isinstance(world.eyes, RenderProcess):
+            world.eyes.wait()
         startup = time.perf_counter() - started
+
+        def concluded(reason: str) -> Flight:
+            summary = _judge(scenario, world, crew.pilot, observer, reason)
+            watch.lap("logging")
+            flight = Flight(
+                scenario=name,
+                seed=tuple(np.atleast_1d(seeds.entropy).tolist()),
+                vehicle=flying.name,
+                summary=summary,
+                wall_s=watch.total,
+                startup_s=startup,
+                real_time_factor=summary.duration_s / watch.total if watch.total else 0.0,
+                renderer=world.eyes.renderer if isinstance(world.eyes, RenderProcess) else None,
+                shares=watch.shares(),
+                folder=folder,
+            )
+            recording.conclude(asdict(flight))
+            return flight
+
+        watch = Stopwatch()
         with recording:
-            watch = Stopwatch()
-            reason = "interrupted"
             try:
-                reason = _loop(scenario, world, crew_navigator, crew_pilot, observer, recording, watch, progress)
-            except SimulationDiverged as failure:
-                reason = str(failure)
+                reason = _loop(scenario, world, crew, observer, recording, watch, progress)
+            except KeyboardInterrupt:
+                concluded("interrupted")
                 raise
-            finally:
-                flight = _result(
-                    scenario, name, seeds, flying, world, crew_pilot, observer, reason, watch, startup, folder
-                )
-                recording.conclude(flight)
-        return flight
+            except Exception as failure:
+                recording.event(world.t, str(failure), "ERROR")
+                concluded(str(failure))
+                raise
+            return concluded(reason)
+
+
+def _judge(scenario: Scenario, world: World, pilot: Pilot, observer: Observer, reason: str) -> Summary:
+    """Sum up, and say whether the goal was met."""
+    landed = pilot.finished and observer.touchdown is not None and _at_rest(world)
+    summary = observer.summary(landed=landed, success=False, reason=reason)
+    if scenario.plan.goal == "hover":
+        success = reason == HELD and observer.strayed(scenario.plan.point_m) <= HOVER_LIMIT
+    else:
+        offset, sink, drift = LANDING_LIMITS
+        success = landed and (
+            summary.touchdown_offset_m is not None
+            and summary.touchdown_sink_m_s is not None
+            and summary.touchdown_drift_m_s is not None
+            and summary.touchdown_offset_m <= offset
+            and summary.touchdown_sink_m_s <= sink
+            and summary.touchdown_drift_m_s <= drift
+        )
+    return replace(summary, success=success)
+
+
+def _at_rest(world: World) -> bool:
+    """On its skids, upright, throttle closed, rotor slowing."""
+    return bool(
+        world.contact.count > 0
+        and world.truth.rotation[2, 2] > math.cos(math.radians(15.0))
+        and float(np.linalg.norm(world.truth.velocity)) < 0.1
+        and world.controls.throttle < 1e-6
+        and world.signals["rotor_acceleration"] < 0.0
+    )
 
 
 def _loop(
     scenario: Scenario,
     world: World,
-    navigator: Navigator,
-    pilot: Pilot,
+    crew: Crew,
     observer: Observer,
     recording: Recording,
     watch: Stopwatch,
     progress: Progress | None,
 ) -> str:
-    """Fly until the pilot is done or time is up; says how it ended."""
+    """Fly until the pilot has finished or time is up; says how it ended."""
+    navigator, pilot = crew
     script = Script(scenario)
     controls = world.trim.controls
-    done_at = math.inf
+    told = 0
     next_progress = 0.0
     watch.start()
     while True:
-        recording.events(world.t, script.play(world, pilot))
+        for happened in script.play(world, pilot):
+            recording.event(world.t, happened, "WARN")
         world.step(controls)
         watch.lap("physics")
         measurements = world.measure()
@@ -157,21 +228,20 @@ def _loop(
         watch.lap("navigator")
         flown, controls = controls, pilot.update(state)
         watch.lap("pilot")
-        if pilot.descending:
-            observer.leaves_point(world.t)
         observer.watch(world, state, measurements, navigator.detections)
-        recording.step(world, measurements, navigator, state, flown, pilot)
+        recording.step(world, measurements, navigator, state, flown)
+        for t, text in pilot.events[told:]:
+            recording.event(t, text)
+            observer.phase_changed(t, text)
+        told = len(pilot.events)
         watch.lap("logging")
-        t = world.t
-        if progress is not None and t >= next_progress:
-            progress(t, pilot.phase_name, float(state.position[2]))
-            next_progress = t + 0.1
-        if pilot.done and done_at == math.inf:
-            done_at = t + AFTER_LANDING
-        if t >= done_at:
-            return pilot.outcome
-        if t >= scenario.duration_s - 1e-9:
-            return "time is up" if scenario.plan.goal == "land" else "held to the end"
+        if progress is not None and world.t >= next_progress:
+            progress(world.t, str(pilot.phase), float(state.position[2]))
+            next_progress = world.t + PROGRESS_EVERY
+        if pilot.finished:
+            return pilot.events[-1][1] if pilot.events else "finished"
+        if world.t >= scenario.duration_s - 1e-9:
+            return HELD if scenario.plan.goal == "hover" else "time is up"
 
 
 def _start(scenario: Scenario, seeds: np.random.SeedSequence) -> Start:

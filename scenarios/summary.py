@@ -17,6 +17,7 @@ from sim.world import World
 
 Floats = NDArray[np.float64]
 LATE_HEIGHT = 2.0  # [m] below this the landing is late: Lei 2012 figure 10
+DESCENT = "descend"  # the pilot's phase
 _HEIGHTS: dict[type, str] = {BaroSample: "baro", GpsSample: "gps", SonarSample: "sonar", PadSample: "pad"}
 
 
@@ -82,9 +83,16 @@ class Observer:
         self.touchdown: Touchdown | None = None
         self._before = world.truth.velocity.tolist()
 
-    def leaves_point(self, t: float) -> None:
-        """The descent begins."""
-        self._left_point = t if self._left_point is None else self._left_point
+    def phase_changed(self, t: float, phase: str) -> None:
+        """The pilot says what it does from now on; with the first descent it leaves P1."""
+        if self._left_point is None and phase.startswith(DESCENT):
+            self._left_point = t
+
+    def strayed(self, point: Sequence[float]) -> float:
+        """Largest distance [m] from a point, once the vehicle has been within half a metre of it."""
+        distance = np.linalg.norm(np.array(self._truth)[:, 1:4] - np.asarray(point), axis=1)
+        near = np.flatnonzero(distance < 0.5)
+        return float(distance[near[0] :].max()) if len(near) else float(distance.min())
 
     def watch(
         self, world: World, state: StateEstimate, measurements: Sequence[Measurement], detections: Sequence[Measurement]
@@ -124,7 +132,7 @@ class Observer:
         fused = Spread.of(errors)
         alone: dict[str, dict[str, float] | None] = {"baro": None, "gps": None, "vision": None, "sonar": None}
         found = self._sensor_heights()
-        reach = self._equipment.sensors["sonar"]["range_max"] if "sonar" in self._equipment.sensors else math.inf
+        reach = self._equipment.sensors["sonar"]["greatest_range"] if "sonar" in self._equipment.sensors else math.inf
         for name in alone:
             if name not in found:
                 continue

@@ -4,7 +4,6 @@
 cameras as fitted. An extended model is just another vehicle file.
 """
 
-import copy
 import functools
 import math
 from collections.abc import Mapping, Sequence
@@ -180,15 +179,20 @@ def find(name: str | Path) -> Path:
 def load(name: str | Path, overrides: Mapping[str, Any] | None = None) -> Vehicle:
     """The vehicle of that name or file, with `overrides` by dotted key (`terms.drag.area`); UserError for any fault."""
     path = find(name)
-    document = copy.deepcopy(_document(path))
-    for key, value in (overrides or {}).items():
+    if not overrides:
+        return _as_written(path, path.stat().st_mtime_ns)
+    document = toml_file.read(path)
+    for key, value in overrides.items():
         toml_file.assign(document, key, value)
     return _resolve(path, document, toml_file.validate(document, VehicleFile, path))
 
 
-@functools.cache
-def _document(path: Path) -> dict[str, Any]:
-    return toml_file.read(path)
+@functools.lru_cache(maxsize=32)
+def _as_written(path: Path, changed: int) -> Vehicle:
+    """The file as it is; `changed` [ns] tells its versions apart."""
+    del changed
+    document = toml_file.read(path)
+    return _resolve(path, document, toml_file.validate(document, VehicleFile, path))
 
 
 def _resolve(path: Path, document: Mapping[str, Any], file: VehicleFile) -> Vehicle:

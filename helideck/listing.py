@@ -1,0 +1,42 @@
+"""What there is to choose from, each with a line of description."""
+
+from collections.abc import Callable, Mapping
+
+
+def scenarios() -> dict[str, str]:
+    """Scenarios that come with the project."""
+    from scenarios.load import available, load
+
+    return {name: load(name).description for name in available()}
+
+
+def vehicles() -> dict[str, str]:
+    """Vehicles that come with the project."""
+    from sim.vehicle import available, load
+
+    return {name: f"{load(name).document['kind']}, {load(name).geometry['mass']:g} kg" for name in available()}
+
+
+def terms() -> dict[str, str]:
+    """Terms that a vehicle file may name."""
+    from sim.terms import CATALOGUE
+
+    return {
+        name: f"{term.stage.name.lower()}: " + ", ".join(f"{p.name} [{p.unit}]" for p in term.parameters)
+        for name, term in CATALOGUE.items()
+    }
+
+
+def sensors() -> dict[str, str]:
+    """Sensors that a vehicle file may name, by topic, with the keys that a scenario may set."""
+    from sim.sensors import CATALOGUE
+
+    return {topic: ", ".join(p.scenario_key for p in sensor.PARAMETERS) for topic, sensor in CATALOGUE.items()}
+
+
+LISTS: Mapping[str, Callable[[], dict[str, str]]] = {
+    "scenarios": scenarios,
+    "vehicles": vehicles,
+    "terms": terms,
+    "sensors": sensors,
+}

@@ -1,0 +1,77 @@
+"""What a flight was like, for people and for machines."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import IO, Any
+
+from rich.console import Console
+from rich.table import Table
+
+from scenarios.campaign import CampaignSummary
+from scenarios.flight import Flight
+
+
+def as_document(flight: Flight) -> dict[str, Any]:
+    """The document of `land --json`."""
+    return {
+        "scenario": flight.scenario,
+        "seed": flight.seed[0] if len(flight.seed) == 1 else list(flight.seed),
+        "vehicle": flight.vehicle,
+        **asdict(flight.summary),
+        "wall_s": flight.wall_s,
+        "startup_s": flight.startup_s,
+        "real_time_factor": flight.real_time_factor,
+        "renderer": flight.renderer,
+        "flight": str(flight.folder) if flight.folder is not None else None,
+    }
+
+
+def print_summary(flight: Flight, stream: IO[str]) -> None:
+    """The figures as a table, then where the files are."""
+    s = flight.summary
+    console = Console(file=stream, highlight=False)
+    verdict = "success" if s.success else "no success"
+    console.print(f"[bold]{flight.scenario}[/bold], seed {':'.join(map(str, flight.seed))}: {verdict}: {s.reason}")
+    table = Table(show_header=False, box=None, pad_edge=False)
+    if s.touchdown_offset_m is not None:
+        table.add_row("touchdown", f"{s.touchdown_offset_m:.3f} m from the centre "
+                      f"({s.touchdown_east_m:+.3f} east, {s.touchdown_north_m:+.3f} north)")  # fmt: skip
+        table.add_row("", f"sinking {s.touchdown_sink_m_s:.2f} m/s, drifting {s.touchdown_drift_m_s:.2f} m/s")
+    if s.late_speed_max_m_s is not None:
+        table.add_row("below 2 m", f"at most {s.late_speed_max_m_s:.2f} m/s horizontal")
+    if s.max_roll_deg is not None:
+        table.add_row("largest tilt", f"roll {s.max_roll_deg:.1f} deg, pitch {s.max_pitch_deg:.1f} deg")
+    if s.fused_height_mean_error_m is not None:
+        table.add_row("fused height", f"mean error {s.fused_height_mean_error_m:.3f} m, max "
+                      f"{s.fused_height_max_error_m:.3f} m, std {s.fused_height_std_m:.3f} m")  # fmt: skip
+    for name, error in s.sensor_height_error_m.items():
+        if error is not None:
+            table.add_row(f"  {name} alone", f"mean {error['mean']:.3f} m, max {error['max']:.3f} m")
+    table.add_row(
+        "time",
+        f"{s.duration_s:.1f} s flown in {flight.wall_s:.1f} s ({flight.real_time_factor:.1f} x real time), "
+        f"{flight.startup_s:.1f} s to start",
+    )
+    table.add_row("renderer", flight.renderer or "none: pad camera's error model")
+    if flight.folder is not None:
+        table.add_row("written to", f"{flight.folder}  (helideck replay {flight.folder})")
+    console.print(table)
+
+
+def print_campaign(name: str, summary: CampaignSummary, folder: Path) -> None:
+    """Shares with their 95 % intervals, and how the figures are spread."""
+    console = Console(highlight=False)
+    console.print(f"[bold]{name}[/bold]: {summary.runs} runs, {summary.failed} of them ended in an error")
+    table = Table(box=None, pad_edge=False)
+    for title in ("", "share", "95 % interval"):
+        table.add_column(title)
+    for title, share in (("success", summary.success), ("landed", summary.landed)):
+        table.add_row(title, f"{share.count}/{share.of}", f"{100 * share.low:.1f} .. {100 * share.high:.1f} %")
+    console.print(table)
+    spread = Table(box=None, pad_edge=False)
+    for title in ("", "median", "95 %", "max"):
+        spread.add_column(title)
+    for column, values in summary.quantiles.items():
+        spread.add_row(column, *(f"{values[key]:.3f}" for key in ("median", "p95", "max")))
+    console.print(spread)
+    console.print(f"written to {folder / 'runs.parquet'}")
