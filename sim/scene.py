@@ -106,13 +106,15 @@ def compose(
     file = assets.path("scenes", f"{scene}.xml")
     if not file.exists():
         raise ValueError(f"scene '{scene}': unknown; there are: {', '.join(scenes())}")
-    root = _read(mjcf, file)
-    root.option.timestep = timestep
+    # geoms are drawn in this order: what lies nearer comes first, so that what it hides is not shaded at all
+    root = mjcf.RootElement(model=scene)
     if mark is not None:
         pad = _read(mjcf, assets.path("pads", "h.xml"))
         half = textures.pad_side(mark) / 2
         pad.find("geom", "pad").size = [half, half, 1.0]
         root.include_copy(pad)
+    root.include_copy(_read(mjcf, file))
+    root.option.timestep = timestep
     root.include_copy(_read(mjcf, Path(vehicle_xml)))
     body = root.find("body", VEHICLE)
     if body is None:

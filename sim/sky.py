@@ -5,6 +5,7 @@ of texels of the four side faces, so the line is straight and at elevation 0 wha
 the lower part begins DIP_ROOM below, and a far disc drawn in front of it carries the true line.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cache
 
@@ -16,7 +17,7 @@ from sim.textures import Picture, noise
 
 Floats = NDArray[np.float32]
 
-DIP_ROOM = np.radians(3.0)  # [rad] below the horizon to which the sky goes on where the far disc hides it
+DIP_ROOM = math.radians(3.0)  # [rad] below the horizon, at the middle of a face, to which the sky goes on where the far disc hides it
 PALE = np.array([0.80, 0.86, 0.92], np.float32)  # the sky at the horizon
 DEEP = np.array([0.27, 0.47, 0.78], np.float32)  # and at the zenith
 CLOUD_TEXELS = 384  # of a face; clouds are soft and are painted coarser than the horizon
@@ -33,14 +34,14 @@ class Silhouette:
     colour: tuple[float, float, float]
 
 
-def directions(texels: int) -> Floats:
-    """Unit vectors (6, texels, texels, 3) ENU of a cube map's texels, in MuJoCo's order: +x, -x, +z, -z, -y, +y.
+def directions(texels: int, rows: slice = slice(None)) -> Floats:
+    """Unit vectors (6, rows, texels, 3) ENU of a cube map's texels, in MuJoCo's order: +x, -x, +z, -z, -y, +y.
 
     MuJoCo stores the faces right, left, up, down, front, back; front is -y, back +y, and sides are mirrored as seen
     from inside (determined by rendering a cube of numbered faces; a test does so again).
     """
     c = ((2.0 * np.arange(texels) + 1.0) / texels - 1.0).astype(np.float32)
-    a, b = np.meshgrid(c, c)  # a: along a row, b: down the rows
+    a, b = np.meshgrid(c, c[rows])  # a: along a row, b: down the rows
     one = np.ones_like(a)
     faces = [(one, a, -b), (-one, -a, -b), (a, -b, one), (a, b, -one), (a, -one, -b), (-a, one, -b)]
     out = np.stack([np.stack(face, axis=-1) for face in faces])
@@ -79,21 +80,22 @@ def paint_sky(
     texels: int, far: tuple[float, float, float], cover: float, silhouettes: tuple[Silhouette, ...], dip: bool
 ) -> Picture:
     """Cube map (6 * texels, texels, 3); `far`: colour of the ground's far end, `cover`: share of sky under cloud."""
-    coarse = _air(directions(CLOUD_TEXELS), cover)
+    coarse = np.rint(255.0 * np.clip(_air(directions(CLOUD_TEXELS), cover), 0.0, 1.0)).astype(np.uint8)
     picture = np.stack([cv2.resize(face, (texels, texels), interpolation=cv2.INTER_LINEAR) for face in coarse])
-    d = directions(texels)
     sides, middle = [0, 1, 4, 5], texels // 2
-    line = -np.sin(DIP_ROOM) if dip else 0.0
-    # hills and islands stand in the rows just above the middle; with dip they reach below it, behind the disc
-    highest = np.tan(1.6 * np.radians(max((s.height_deg for s in silhouettes), default=0.0)))
-    rows = slice(middle - int(highest * 1.5 * middle) - 2, middle + (int(np.tan(DIP_ROOM) * middle) if dip else 0))
-    ridge = noise((8, 2048), 1.2, seed=8)[0].astype(np.float32)
-    band, seen = picture[sides, rows], d[sides, rows]
+    line = middle + (round(np.tan(DIP_ROOM) * middle) if dip else 0)
+    # hills and islands stand in the rows just above the middle; with dip they go on below it, behind the disc
+    highest = np.tan(np.radians(2.0 * max((s.height_deg for s in silhouettes), default=0.0)))
+    rows = slice(middle - math.ceil(1.5 * highest * middle) - 2, line)
+    ridge = noise((16, 4096), 0.75, seed=8, shortest=4.0)[0].astype(np.float32)
+    band, seen = picture[sides, rows] / np.float32(255.0), directions(texels, rows)[sides]
     for hill in silhouettes:
         _raise(band, seen, hill, ridge, np.pi / 2 / texels)
-    picture[sides, rows] = band
-    picture[d[..., 2] < line] = far
-    return np.rint(np.clip(picture, 0.0, 1.0) * 255.0).astype(np.uint8).reshape(6 * texels, texels, 3)
+    picture[sides, rows] = np.rint(255.0 * np.clip(band, 0.0, 1.0))
+    ground = np.rint(255.0 * np.array(far)).astype(np.uint8)
+    picture[sides, line:] = ground
+    picture[3] = ground
+    return picture.reshape(6 * texels, texels, 3)
 
 
 HILLS = (

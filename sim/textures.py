@@ -5,6 +5,7 @@ All painters are deterministic and return uint8 RGB (H, W, 3); row 0 is north, c
 
 from functools import cache
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,10 +63,11 @@ def _picture(values: Floats) -> Picture:
 @cache
 def paint_mark(mark: HMark, texels: int = MARK_TEXELS) -> Picture:
     """A white mark on a dark square; edges lie where `mark.outline()` has them, texels on them mixed by area."""
-    share = coverage(mark.outline(), pad_side(mark), texels)[..., None]
-    grain = noise((texels, texels), 0.5, seed=1, shortest=6.0)[..., None]
-    ground = ASPHALT + 0.012 * grain * np.array([1.0, 1.0, 1.05])
-    return _picture(ground * (1.0 - share) + PAINT * share)
+    share = coverage(mark.outline(), pad_side(mark), texels).astype(np.float32)
+    grain = noise((512, 512), 0.5, seed=1, shortest=6.0).astype(np.float32)
+    repeats = -(-texels // 512)
+    ground = np.tile(ASPHALT + 0.012 * grain, (repeats, repeats))[:texels, :texels]
+    return np.asarray(cv2.cvtColor(_picture(ground + share * (PAINT - ground)), cv2.COLOR_GRAY2RGB), np.uint8)
 
 
 @cache

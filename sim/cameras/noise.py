@@ -7,6 +7,7 @@ fixed seed, and each frame cuts its own window out of it, at an offset that its 
 from dataclasses import dataclass
 from functools import cache
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,9 +49,9 @@ def apply(image: NDArray[np.uint8], noise: Noise, rng: np.random.Generator) -> N
     height, width = flat.shape
     row, column = rng.integers(0, ROOM, 2)
     window = _tile(height, width)[row : row + height, column : column + width]
-    spread = _table(noise)[flat]
+    spread = np.asarray(cv2.LUT(flat, _table(noise)), np.int16)
     spread *= window
     spread += SCALE * FINE // 2  # rounding before the shift
     spread >>= (SCALE * FINE).bit_length() - 1
     spread += flat
-    return np.clip(spread, 0, 255, out=spread).astype(np.uint8).reshape(image.shape)
+    return np.asarray(cv2.convertScaleAbs(np.maximum(spread, 0, out=spread)), np.uint8).reshape(image.shape)

@@ -5,8 +5,8 @@ Needs a headless OpenGL: EGL, or OSMesa where MUJOCO_GL=osmesa is set.
 
 import math
 import os
+import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
 
@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 from flightlog.camera import CameraModel
 from flightlog.constants import EARTH_RADIUS
 from sim import scene as names
+from sim.cameras import RenderError
 from sim.cameras.blur import image_motion
 from sim.cameras.imaging import Imaging, develop
 from sim.cameras.optics import Lens
+from sim.cameras.request import FrameRequest
 from sim.light import Light
 from sim.scene import CompiledScene
 
@@ -28,27 +30,21 @@ Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
 
-@dataclass(frozen=True, eq=False)
-class FrameRequest:
-    """One picture to take."""
-
-    camera: str
-    t: float  # [s] time of the exposure
-    index: int  # frame number of this camera; decides its noise
-    qpos: Floats  # (nq,) generalised positions at t
-    qvel: Floats  # (nv,) generalised velocities at t, for motion blur
-    light: Light
-
-
 def gl_context(width: int, height: int) -> Any:
     """A headless OpenGL context, made current."""
-    if os.environ.get("MUJOCO_GL", "").lower() == "osmesa":
-        from mujoco.osmesa import GLContext
-    else:
-        os.environ["PYOPENGL_PLATFORM"] = "egl"  # importing mujoco without MUJOCO_GL may have set another
-        from mujoco.egl import GLContext
-    context = GLContext(width, height)
-    context.make_current()
+    try:
+        if os.environ.get("MUJOCO_GL", "").lower() == "osmesa":
+            from mujoco.osmesa import GLContext
+        else:
+            os.environ["PYOPENGL_PLATFORM"] = "egl"  # importing mujoco without MUJOCO_GL may have set another
+            from mujoco.egl import GLContext
+        context = GLContext(width, height)
+        context.make_current()
+    except Exception as error:  # PyOpenGL fails in many ways where libraries are missing
+        raise RenderError(
+            f"no headless OpenGL ({type(error).__name__}: {' '.join(str(error).split())}): install Mesa's EGL "
+            "(Debian, Ubuntu: apt install libegl1 libgl1) and see what `helideck doctor` says"
+        ) from error
     return context
 
 
@@ -67,7 +63,6 @@ class Renderer:
         self.data = mujoco.MjData(self.model)
         self._lens = {name: Lens.of(spec.model) for name, spec in scene.cameras.items()}
         self._gain = {name: self.imaging[name].exposure.gain for name in scene.cameras}
-        self._order = {name: k for k, name in enumerate(sorted(scene.cameras))}
         self._view = mujoco.MjvScene(self.model, maxgeom=1000)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION, mujoco.mjtRndFlag.mjRND_HAZE):
             self._view.flags[flag] = 0
@@ -81,6 +76,10 @@ class Renderer:
         from OpenGL import GL
 
         self.name: str = GL.glGetString(GL.GL_RENDERER).decode()
+        # the sky is drawn at about one texel a pixel, where mip-mapping costs a millisecond and changes nothing
+        for k in np.flatnonzero(self.model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX):
+            GL.glBindTexture(GL.GL_TEXTURE_CUBE_MAP, int(self._context.texture[k]))
+            GL.glTexParameteri(GL.GL_TEXTURE_CUBE_MAP, GL.GL_TEXTURE_MIN_FILTER, GL.GL_LINEAR)
 
     def __enter__(self) -> Self:
         return self
@@ -102,7 +101,7 @@ class Renderer:
         imaging = self.imaging[request.camera]
         gain = self._gain[request.camera]
         picture = self.clean(request.camera, request.qpos, request.light)
-        rng = np.random.default_rng([self.seed, self._order[request.camera], request.index])
+        rng = np.random.default_rng([self.seed, zlib.crc32(request.camera.encode()), request.index])
         if imaging.exposure.target is not None:
             mean = float(np.mean(cv2.mean(picture)[:3]))
             self._gain[request.camera] = imaging.exposure.next_gain(gain, mean, request.light.illuminance)
