@@ -1,5 +1,6 @@
 """JSON as RFC 8259 wants it: null where a number is not finite, never NaN."""
 
+import contextlib
 import dataclasses
 import json
 import math
@@ -49,7 +50,8 @@ def write_flight(folder: Path, document: Mapping[str, Any]) -> None:
         draft.write_text(dumps(document) + "\n", encoding="utf-8")
         os.replace(draft, path)
     except OSError as error:
-        draft.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            draft.unlink()
         raise UserError(f"{path}: cannot be written: {error.strerror}") from None
 
 

@@ -88,7 +88,7 @@ class TopicWriter:
             os.replace(draft, target)
         except OSError as error:
             with contextlib.suppress(OSError):
-                draft.unlink(missing_ok=True)
+                draft.unlink()
             raise UserError(f"{target}: cannot be written: {_reason(error)}; {self.path.name} holds the rows") from None
         self.path.unlink()
 
@@ -175,7 +175,8 @@ class Recorder:
         try:
             path.write_bytes(png.tobytes())
         except OSError as error:
-            path.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                path.unlink()
             raise UserError(f"{path}: cannot be written: {_reason(error)}") from None
         self.topic("measured", "frames").append((frame.t, frame.t_arrival, frame.camera, file.as_posix()))
 

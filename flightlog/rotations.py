@@ -76,19 +76,27 @@ def quaternion(roll, pitch, heading):
 
 
 @numba.njit(cache=True)
+def turn(angle):
+    """`angle` [rad] brought into [0, 2 pi)."""
+    within = angle % (2.0 * math.pi)
+    # the remainder of a tiny negative angle rounds up to the whole circle
+    return within if within < 2.0 * math.pi else 0.0
+
+
+@numba.njit(cache=True)
 def angles(q):
     """(roll, pitch, heading) [rad] of the quaternion `q` (4,) wxyz, body to world."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = -math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return roll, pitch, (0.5 * math.pi - yaw) % (2.0 * math.pi)
+    return roll, pitch, turn(0.5 * math.pi - yaw)
 
 
 @numba.njit(cache=True)
 def wrap(angle):
     """`angle` [rad] brought into [-pi, pi)."""
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+    return turn(angle + math.pi) - math.pi
 
 
 def from_angles(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> Rotation:
@@ -100,4 +108,5 @@ def from_angles(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> Rotati
 def to_angles(rotation: Rotation) -> tuple[Floats, Floats, Floats]:
     """(roll, pitch, heading), each (N,) [rad], of rotations body to world."""
     yaw, pitch, roll = np.moveaxis(rotation.as_euler("ZYX"), -1, 0)
-    return roll, -pitch, (0.5 * np.pi - yaw) % (2.0 * np.pi)
+    heading = (0.5 * np.pi - yaw) % (2.0 * np.pi)
+    return roll, -pitch, np.where(heading < 2.0 * np.pi, heading, 0.0)
