@@ -103,7 +103,7 @@ def _read_stream(path: Path, notes: list[str]) -> pa.Table | None:
             schema = stream.schema
             batches.extend(stream)
     except (pa.ArrowInvalid, OSError) as error:
-        if schema is None and path.stat().st_size > 0 and not _starts_as_stream(path):
+        if schema is None and not _starts_as_stream(path):
             raise UserError(f"{path}: not an Arrow stream: {str(error).splitlines()[0]}") from None
     rows = sum(batch.num_rows for batch in batches)
     place = f"{path.parent.name}/{path.stem}"
@@ -115,6 +115,7 @@ def _read_stream(path: Path, notes: list[str]) -> pa.Table | None:
 
 
 def _starts_as_stream(path: Path) -> bool:
-    """Whether the file begins with the marker of an encapsulated Arrow message."""
+    """Whether the file begins, as far as it goes, with the marker of an encapsulated Arrow message."""
     with path.open("rb") as file:
-        return file.read(4) == b"\xff\xff\xff\xff"
+        head = file.read(4)
+    return head == b"\xff\xff\xff\xff"[: len(head)]
