@@ -15,7 +15,7 @@ from sim import vehicle
 from sim.sensors import CATALOGUE
 from sim.sensors.contract import Site, Truth
 
-FIELD = np.array([0.0, 22.0, -42.0])  # [uT] ENU
+FIELD = np.array([1.5, 22.0, -42.0])  # [uT] ENU, with some declination
 # what makes a sensor perfect; anything else about it stays as fitted
 SILENT = ("noise", "_std", "_share", "vibration", "_noise", "resolution", "timer", "offset", "gain", "coefficient")
 

@@ -96,6 +96,7 @@ def test_fewer_satellites_mean_more_noise_and_below_four_no_fix(bench):
     assert b.valid
     assert not c.valid
     assert math.isnan(c.e)
+    assert c.t_arrival > c.t, "also news of no fix takes its time"
 
 
 def test_fixed_bias_and_steady_drift_can_be_set(bench):

@@ -71,12 +71,14 @@ def test_whole_mark_reaches_the_cramer_rao_bound(bench, height, millimetres):
         assert math.degrees(sample.std_angle) * 1.5 == pytest.approx(0.014, abs=0.001)
 
 
-def test_stated_deviations_follow_from_the_projection(bench):
+@pytest.mark.parametrize(("tilt_std", "bleed_std"), [(1e-5, 1e-3), (0.02, 1e-3), (1e-5, 0.5), (0.02, 0.5)])
+def test_stated_deviations_follow_from_the_projection(bench, tilt_std, bleed_std):
     # the same covariance from differences of projected outline points, cut at the picture's border
     noise, camera, mount, mark = 0.1, bench.vehicle.cameras["down"].model, bench.vehicle.cameras["down"].mount, HMark()
     n = bench.numbers("pad")
     roll, pitch, heading, position = 0.05, -0.08, 0.4, np.array([0.15, -0.1, 1.6])
-    sensor = bench.build("pad", **{**EDGES_ALONE, "edge_noise": noise})
+    nuisances = {"tilt_std": tilt_std, "bleed_std": bleed_std}
+    sensor = bench.build("pad", **{**EDGES_ALONE, **nuisances, "edge_noise": noise})
     sample = look(bench, sensor, position=position, roll=roll, pitch=pitch, heading=heading)
     assert 0.2 < sample.quality < 0.95  # cut
 
@@ -94,19 +96,22 @@ def test_stated_deviations_follow_from_the_projection(bench):
     def project(p, where):
         c, s = math.cos(p[3]), math.sin(p[3])  # clockwise seen from above
         ground = np.column_stack([where @ [c, s], where @ [-s, c], np.zeros(len(where))])
-        return camera.project(centre + p[:3] + ground @ turn)
+        arms = ground @ turn
+        return camera.project(centre + p[:3] + arms + np.cross([p[4], p[5], 0.0], arms))
 
-    zero = np.zeros(4)
+    zero = np.zeros(6)
     pixels = project(zero, points)
     keep = camera.contains(pixels, n["margin"])
     along = (project(zero, points + 1e-5 * tangents) - project(zero, points - 1e-5 * tangents)) / 2e-5
     pitch_px = np.hypot(*along.T)
     normal = np.column_stack([along[:, 1], -along[:, 0]]) / pitch_px[:, None]
     jacobian = np.stack(
-        [np.sum(normal * (project(d, points) - project(-d, points)), axis=1) / 2e-6 for d in 1e-6 * np.eye(4)], axis=1
+        [np.sum(normal * (project(d, points) - project(-d, points)), axis=1) / 2e-6 for d in 1e-6 * np.eye(6)], axis=1
     )
+    jacobian = np.column_stack([jacobian, np.ones(len(points))])  # bleed: every edge outward
     weight = (pitch_px * lengths * keep)[:, None]
-    covariance = noise**2 * np.linalg.inv(jacobian.T @ (weight * jacobian))
+    prior = np.diag([0.0] * 4 + [tilt_std**-2] * 2 + [bleed_std**-2])
+    covariance = np.linalg.inv(jacobian.T @ (weight * jacobian) / noise**2 + prior)[:4, :4]
     assert sample.quality == pytest.approx(lengths[keep].sum() / lengths.sum(), abs=0.02)
     np.testing.assert_allclose(stated(sample), np.sqrt(np.diag(covariance)), rtol=0.06)
 
