@@ -34,7 +34,7 @@ class Navigator(Protocol):
     """Measurements in, state out."""
 
     detections: Sequence[Measurement]  # what vision found in the pictures of the last update
-    overlay: Mapping[str, Sequence[Floats]]  # by camera: lines (N, 2) [px] to draw over its last picture
+    overlays: Mapping[str, Sequence[Floats]]  # by camera: lines (N, 2) [px] to draw over its last picture
 
     def update(self, measurements: Sequence[Measurement]) -> StateEstimate:
         """What has arrived since the last call, in order of arrival; called at 250 Hz."""

@@ -12,28 +12,24 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flightlog.marks import HMark
-from scenarios import cameras as camera_tables
 from scenarios.crew import Navigator, NavigatorMaker, Pilot, PilotMaker, make_navigator, make_pilot
-from scenarios.events import Script, sensor_numbers
+from scenarios.events import Script
 from scenarios.recording import FolderRecording, Recording, Unrecorded, versions
 from scenarios.schema import Scenario
+from scenarios.staging import PADS, make_world
 from scenarios.stopwatch import Stopwatch
 from scenarios.summary import Observer, Summary
 from sim import vehicle as vehicles
 from sim.cameras.rendering import RenderProcess
-from sim.randomness import generator
 from sim.vehicle import Vehicle
-from sim.world import Start, World
-
-Floats = NDArray[np.float64]
+from sim.world import World
 
 HOVER_LIMIT = 1.0  # [m] from its point that a hover may stray and still be a success
 LANDING_LIMITS = (0.30, 0.5, 0.4)  # offset [m], sink and drift [m/s] of a success
-PADS = {"h": HMark(), "none": None}
 
+HAND_OVER = 0.5  # [s] flown at trim, until every sensor has spoken; then the pilot takes over
 PROGRESS_EVERY = 0.1  # [s]
 HELD = "held to the end"
 
@@ -99,31 +95,11 @@ def fly(
     seeds = np.random.SeedSequence(seed)
     nominal = aboard or vehicles.load(scenario.vehicle)
     flying = vehicle or vehicles.load(scenario.vehicle)
-    mark = PADS[scenario.pad]
-    fitted = camera_tables.fitted(flying.cameras, scenario.cameras)
-    imaging = camera_tables.imaging(fitted, scenario.cameras)
-    noise_seed = int(generator(seeds, "cameras").integers(2**31))
-    start = _start(scenario, seeds)
 
-    with World(
-        flying,
-        weather=scenario.weather.weather(),
-        light=scenario.light.light(),
-        scene=scenario.scene,
-        dip=scenario.horizon_dip,
-        mark=mark,
-        start=start,
-        seeds=seeds,
-        cameras=fitted,
-        eyes=(lambda scene: RenderProcess(scene, imaging, noise_seed)) if cameras else None,
-        sensor_numbers={
-            topic: sensor_numbers(topic, table.model_dump())
-            for topic, table in ((topic, getattr(scenario.sensors, topic)) for topic in type(scenario.sensors).model_fields)
-        },
-    ) as world:
-        equipment = nominal.equipment(mark or HMark(), world.site)
-        crew = Crew(navigator(equipment, scenario, cameras), pilot(nominal, world.site, scenario, start.heading))
-        observer = Observer(world, equipment)
+    with make_world(scenario, seeds, flying, cameras=cameras) as world:
+        equipment = nominal.equipment(PADS[scenario.pad] or HMark(), world.site)
+        crew = Crew(navigator(equipment, scenario, cameras), pilot(nominal, world.site, scenario, world.trim.heading))
+        observer = Observer(world, equipment, HAND_OVER)
         document = {
             "scenario_name": name,
             "seed": seeds.entropy,
@@ -226,7 +202,9 @@ def _loop(
         watch.lap("rendering")
         state = navigator.update(measurements)
         watch.lap("navigator")
-        flown, controls = controls, pilot.update(state)
+        flown = controls
+        if world.t >= HAND_OVER:
+            controls = pilot.update(state)
         watch.lap("pilot")
         observer.watch(world, state, measurements, navigator.detections)
         recording.step(world, measurements, navigator, state, flown)
@@ -242,15 +220,3 @@ def _loop(
             return pilot.events[-1][1] if pilot.events else "finished"
         if world.t >= scenario.duration_s - 1e-9:
             return HELD if scenario.plan.goal == "hover" else "time is up"
-
-
-def _start(scenario: Scenario, seeds: np.random.SeedSequence) -> Start:
-    """Where the flight begins; drawn evenly from a ball around the plan's point unless given."""
-    heading = math.radians(scenario.start.heading_deg)
-    if scenario.start.position_m is not None:
-        return Start(np.array(scenario.start.position_m), heading)
-    rng = generator(seeds, "start")
-    direction = rng.standard_normal(3)
-    radius = scenario.start.spread_m * rng.random() ** (1 / 3)
-    position = np.array(scenario.plan.point_m) + radius * direction / np.linalg.norm(direction)
-    return Start(position, heading)

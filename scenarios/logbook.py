@@ -80,7 +80,8 @@ class Logbook:
             else:
                 self._append[kind](sample)  # type: ignore[arg-type]
         for sample in detections:
-            self._append[type(sample)](sample)  # type: ignore[arg-type]
+            if not any(sample is known for known in measurements):  # a navigator may report what it was given
+                self._append[type(sample)](sample)  # type: ignore[arg-type]
         t = world.t
         self._controls((t - STEP, *controls))
         if self._steps % ESTIMATE_EVERY == 0:

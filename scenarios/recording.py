@@ -100,7 +100,7 @@ class FolderRecording:
         self._logbook.write(world, measurements, navigator.detections, state, controls)
         for sample in measurements:
             if type(sample) is Frame and self._replay.wants(sample.camera, sample.t):
-                lines = navigator.overlay.get(sample.camera, ())
+                lines = navigator.overlays.get(sample.camera, ())
                 self._replay.add_frame(sample.camera, sample.t, sample.image, lines)
 
     def event(self, t: float, text: str, level: str = "INFO") -> None:

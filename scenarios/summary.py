@@ -74,8 +74,10 @@ class Summary:
 class Observer:
     """Watches a flight and sums it up; keeps a row of truth per step of the loop, and the samples that tell heights."""
 
-    def __init__(self, world: World, equipment: Equipment) -> None:
+    def __init__(self, world: World, equipment: Equipment, hand_over: float) -> None:
+        """hand_over [s]: when the pilot takes over; errors count from then on."""
         self._equipment = equipment
+        self._hand_over = hand_over
         self._truth: list[tuple[float, ...]] = []  # t, e, n, u, ve, vn, vu, roll, pitch
         self._fused: list[tuple[float, ...]] = []  # t, u, roll, pitch, heading
         self._samples: dict[str, list[Measurement]] = {topic: [] for topic in _HEIGHTS.values()}
@@ -104,7 +106,7 @@ class Observer:
         roll, pitch, _ = angles(truth.quaternion)
         self._truth.append((truth.t, e, n, u, *velocity, roll, pitch))
         self._fused.append((state.t, float(state.position[2]), state.roll, state.pitch, state.heading))
-        for sample in (*measurements, *detections):
+        for sample in {id(sample): sample for sample in (*measurements, *detections)}.values():
             topic = _HEIGHTS.get(type(sample))
             if topic is not None:
                 self._samples[topic].append(sample)
@@ -124,7 +126,7 @@ class Observer:
         """Sum up; judged from hand-over to first contact."""
         truth = np.array(self._truth).reshape(-1, 9)
         end = self.touchdown.t if self.touchdown else math.inf
-        flown = truth[:, 0] < end
+        flown = (truth[:, 0] >= self._hand_over) & (truth[:, 0] < end)
         t, u = truth[flown, 0], truth[flown, 3]
         errors = np.array(self._fused)[flown, 1] - u
         descent = flown & (truth[:, 0] >= (self._left_point if self._left_point is not None else 0.0))
@@ -138,7 +140,7 @@ class Observer:
                 continue
             series = found[name]
             true = np.interp(series.t, t, u)
-            counts = (series.t < end) & ((name != "sonar") | (true < reach))
+            counts = (series.t >= self._hand_over) & (series.t < end) & ((name != "sonar") | (true < reach))
             spread = Spread.of(series.values[counts] - true[counts])
             alone[name] = asdict(spread) if spread else None
         down = self.touchdown

@@ -1,0 +1,49 @@
+"""Sets the stage of a scenario: the world with its vehicle, weather, sensors and cameras, before anybody flies."""
+
+import math
+
+import numpy as np
+
+from flightlog.marks import HMark
+from scenarios import cameras as camera_tables
+from scenarios.events import sensor_numbers
+from scenarios.schema import Scenario
+from sim.cameras.rendering import RenderProcess
+from sim.randomness import generator
+from sim.vehicle import Vehicle
+from sim.world import Start, World
+
+PADS = {"h": HMark(), "none": None}
+
+
+def make_world(scenario: Scenario, seeds: np.random.SeedSequence, vehicle: Vehicle, *, cameras: bool) -> World:
+    """The world at t = 0; cameras: rendered pictures, else the pad camera's error model in their place."""
+    fitted = camera_tables.fitted(vehicle.cameras, scenario.cameras)
+    imaging = camera_tables.imaging(fitted, scenario.cameras)
+    noise_seed = int(generator(seeds, "cameras").integers(2**31))
+    tables = {topic: getattr(scenario.sensors, topic) for topic in type(scenario.sensors).model_fields}
+    return World(
+        vehicle,
+        weather=scenario.weather.weather(),
+        light=scenario.light.light(),
+        scene=scenario.scene,
+        dip=scenario.horizon_dip,
+        mark=PADS[scenario.pad],
+        start=_start(scenario, seeds),
+        seeds=seeds,
+        cameras=fitted,
+        eyes=(lambda scene: RenderProcess(scene, imaging, noise_seed)) if cameras else None,
+        sensor_numbers={topic: sensor_numbers(topic, table.model_dump()) for topic, table in tables.items()},
+    )
+
+
+def _start(scenario: Scenario, seeds: np.random.SeedSequence) -> Start:
+    """Where the flight begins; drawn evenly from a ball around the plan's point unless given."""
+    heading = math.radians(scenario.start.heading_deg)
+    if scenario.start.position_m is not None:
+        return Start(np.array(scenario.start.position_m), heading)
+    rng = generator(seeds, "start")
+    direction = rng.standard_normal(3)
+    radius = scenario.start.spread_m * rng.random() ** (1 / 3)
+    position = np.array(scenario.plan.point_m) + radius * direction / np.linalg.norm(direction)
+    return Start(position, heading)
