@@ -4,8 +4,8 @@ With x = lambda_i and b = 2 mu_z + sigma a/4, equal thrust of blade element and 
 
     (sigma a/2)(theta/3 - (mu_z + x)/2) = 2 x (mu_z + x)   gives   2 x^2 + b x - (sigma a/2)(theta/3 - mu_z/2) = 0
 
-for thrust > 0, and its mirror image for thrust < 0. Air that comes against the thrust (mu_z < 0) brings b down to
-zero, where momentum theory ends; b is held there, which keeps the thrust continuous. Edgewise speed is left out.
+for thrust > 0, and its mirror image for thrust < 0. Air that comes fast against the thrust (mu_z < 0) has no steady
+solution of that sign at small pitch; there is no thrust then. Edgewise speed is left out.
 """
 
 import math
@@ -30,9 +30,9 @@ def _tail_rotor(s, v, x, p, dt):  # type: ignore[no-untyped-def]
     half = 0.5 * solidity * lift_slope
     drive = pitch / 3.0 - climb / 2.0
     sign = 1.0 if drive >= 0.0 else -1.0
-    b = max(2.0 * sign * climb + 0.5 * half, 0.0)
+    b = 2.0 * sign * climb + 0.5 * half
     inflow = sign * 0.25 * (math.sqrt(b * b + 8.0 * half * sign * drive) - b)
-    coefficient = scale * min(max(half * (drive - inflow / 2.0), -limit), limit)
+    coefficient = scale * sign * min(max(half * sign * (drive - inflow / 2.0), 0.0), limit)
 
     thrust = side * coefficient * disc * tip * tip  # [N] along the body's y axis
     power = disc * tip**3 * (coefficient * (climb + inflow) + solidity * profile_drag / 8.0)
