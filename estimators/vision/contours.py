@@ -38,6 +38,7 @@ class Candidate:
     """One contour that passed the preliminary rejection."""
 
     contour: NDArray[np.int32]  # (N, 1, 2) [px] through the centres of the outermost pixels
+    box: tuple[int, int, int, int]  # left, top, right, bottom [px], right and bottom excluded
     area: float  # [px^2] of the mask with its holes filled
     mismatch: float  # equation 4 against the template
 
@@ -47,13 +48,14 @@ def candidates(
     template: ShapeTemplate,
     *,
     area: tuple[float, float],
-    worst: float = 0.6,
-    solidity_margin: float = 0.16,
+    worst: float,
+    solidity_margin: float,
     longest_side_ratio: float = 2.2,
 ) -> list[Candidate]:
     """Contours of the mask (H, W) that match the template, best first.
 
-    area: least and largest [px^2]. Contours that touch the mask's border are left out: they may be cut.
+    area: least and largest [px^2]; worst: largest value of equation 4. Contours that touch the mask's border are left
+    out: they may be cut.
     """
     contours, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     if hierarchy is None:
@@ -84,5 +86,5 @@ def candidates(
             continue
         value = mismatch(affine_invariants(central_moments(filled)), template.invariants)
         if value <= worst:
-            found.append(Candidate(contour, pixels, value))
+            found.append(Candidate(contour, (x, y, x + w, y + h), pixels, value))
     return sorted(found, key=lambda candidate: candidate.mismatch)

@@ -76,7 +76,7 @@ def edge_offsets(image, points, normals, reach, polarity, kernel):
             if response[j + m] > response[best + m]:
                 best = j
         heights[i] = response[best + m]
-        if best == begin or best == end:
+        if best in (begin, end):
             continue
         left, middle, right = response[best + m - 1], response[best + m], response[best + m + 1]
         curvature = left - 2.0 * middle + right

@@ -25,17 +25,20 @@ from estimators.vision.pose import (
     wrap_axis,
 )
 from estimators.vision.sighting import PadPrediction, PadSighting
-from estimators.vision.threshold import local_mask, modified_otsu, otsu
+from estimators.vision.threshold import above, class_contrast, local_mask, modified_otsu, otsu
 from flightlog.camera import CameraModel, CameraMount
 from flightlog.marks import HMark
 
 Floats = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
-SMALLEST_SIDE = 22.0  # [px] a mark smaller than this has strokes of some 4 px: no edges of their own
+SMALLEST_SIDE = 30.0  # [px] a mark smaller than this has strokes of some 6 px: edges that run into one another
+ROUGH, NEAR, FINE = 2.5, 0.6, 0.4  # equation 4: worth a threshold of its own; good as it is; good after that
+MOST_TRIED = 5  # contours of one threshold
 SHARPEST_REACH = 10.0  # [px] search on one level of the pyramid
 RAGGED = 0.9  # [px] RMS beyond which edges are not the mark's; chance edges give 1.7
 LEAST_CONTRAST = 8.0  # [grey levels]
+LOCAL_MARGIN = 12.0  # [grey levels] above the surroundings' mean
 GATE = 5.0  # standard deviations between prediction and a cut or tracked mark
 
 
@@ -165,21 +168,57 @@ class HMarkFrontEnd:
     # finding
 
     def _acquire(self, image: Image, level: LevelAxes, prediction: PadPrediction | None) -> PadSighting | None:
+        if prediction is not None and self._too_near(prediction):
+            return None
+        found = self._search(image, level, prediction)
+        if found is None and prediction is not None:
+            found = self._search(image, level, None)  # the filter may be mistaken, and surer than it should be
+        return found
+
+    def _too_near(self, prediction: PadPrediction) -> bool:
+        """Whether the mark is surely larger than the picture."""
+        farthest = prediction.position[2] + 5.0 * prediction.std_position[2]
+        widest = max(self.camera.fx / self.camera.width, self.camera.fy / self.camera.height)
+        return bool(farthest < self._size * widest)
+
+    def _search(self, image: Image, level: LevelAxes, prediction: PadPrediction | None) -> PadSighting | None:
         left, top, right, bottom = self._region(prediction)
         if right - left < SMALLEST_SIDE or bottom - top < SMALLEST_SIDE:
             return None
-        region = cv2.medianBlur(np.ascontiguousarray(image[top:bottom, left:right]), 3)
+        region = np.asarray(cv2.medianBlur(np.ascontiguousarray(image[top:bottom, left:right]), 3), np.uint8)
         area = self._area_bounds(prediction, region.size)
-        for mask, polarity in self._masks(region.astype(np.uint8, copy=False)):
-            best: EdgeFit | None = None
-            for candidate in candidates(mask, self._template, area=area)[:4]:
-                for start in self._starts(candidate, (left, top), level):
-                    fit = self._verified(image, level, start, polarity)
-                    if fit is not None and (best is None or fit.residual < best.residual):
-                        best = fit
+        for mask, polarity in self._masks(region):
+            if cv2.countNonZero(mask) < area[0]:
+                continue
+            rough = candidates(mask, self._template, area=area, worst=ROUGH, solidity_margin=0.25)
+            fits = (self._examined(image, region, (left, top), c, polarity, area, level) for c in rough[:MOST_TRIED])
+            best = min((fit for fit in fits if fit is not None), key=lambda fit: fit.residual, default=None)
             if best is not None:
                 return self._sighting(best, tracked=False)
         return None
+
+    def _examined(
+        self,
+        image: Image,
+        region: Image,
+        corner: tuple[int, int],
+        rough: Candidate,
+        polarity: int,
+        area: tuple[float, float],
+        level: LevelAxes,
+    ) -> EdgeFit | None:
+        """The mark where a rough contour is, thresholded again by Otsu in the contour's own surroundings."""
+        x0, y0, x1, y1 = rough.box
+        margin = 4 + (x1 - x0 + y1 - y0) // 8
+        x0, y0 = max(x0 - margin, 0), max(y0 - margin, 0)
+        patch = np.ascontiguousarray(region[y0 : y1 + margin, x0 : x1 + margin])
+        mask = above(patch, otsu(patch), below=polarity < 0)
+        sharp = candidates(mask, self._template, area=area, worst=FINE, solidity_margin=0.15)
+        starts = self._starts(sharp[0], (corner[0] + x0, corner[1] + y0), level) if sharp else []
+        if not sharp and rough.mismatch <= NEAR:
+            starts = self._starts(rough, corner, level)  # uneven light: the first threshold may have been the better
+        fits = (self._verified(image, level, start, polarity) for start in starts)
+        return min((fit for fit in fits if fit is not None), key=lambda fit: fit.residual, default=None)
 
     def _region(self, prediction: PadPrediction | None) -> tuple[int, int, int, int]:
         """Left, top, right, bottom [px] of where the mark is expected within three standard deviations."""
@@ -205,16 +244,16 @@ class HMarkFrontEnd:
 
     def _masks(self, region: Image) -> Iterator[tuple[Image, int]]:
         """Binary pictures to try, with the mark's polarity: global thresholds first, then local ones."""
-        open_level = modified_otsu(region, "open")
         plain = otsu(region)
+        if class_contrast(region, plain) >= LEAST_CONTRAST:
+            yield above(region, plain), 1
+            raised = modified_otsu(region, "open")
+            if raised is not None and abs(raised - plain) > 2:
+                yield above(region, raised), 1
+            yield above(region, plain, below=True), -1
         window = int(min(max(min(region.shape) // 3, 31), 121)) | 1
-        if open_level is not None:
-            yield np.asarray(cv2.compare(region, float(open_level), cv2.CMP_GT), np.uint8), 1
-        yield np.asarray(cv2.compare(region, float(plain), cv2.CMP_GT), np.uint8), 1
-        yield np.asarray(cv2.compare(region, float(plain), cv2.CMP_LE), np.uint8), -1
-        yield local_mask(region, window, 12.0), 1
-        inverted = np.asarray(cv2.bitwise_not(region), np.uint8)
-        yield local_mask(inverted, window, 12.0), -1
+        yield local_mask(region, window, LOCAL_MARGIN), 1
+        yield local_mask(np.asarray(cv2.bitwise_not(region), np.uint8), window, LOCAL_MARGIN), -1
 
     def _starts(self, candidate: Candidate, corner: tuple[int, int], level: LevelAxes) -> list[MarkPose]:
         """Poses from a contour's area, centroid and second moments on the level plane below the camera."""
@@ -248,7 +287,10 @@ class HMarkFrontEnd:
             factor *= 2
         prior = np.array([0.2 * depth, 0.2 * depth, 0.3 * depth, 0.5])
         fit = self._refine(image, level, start, prior, 6.0 * factor, factor, polarity)
-        if fit is None or not self._sound(fit, share=0.75):
+        if fit is None or not self._sound(fit, share=0.75) or fit.used < 60:
+            return None
+        # a small shape is fitted by chance more easily
+        if fit.residual > 0.02 * self._size * self.camera.fy / fit.pose.position[2]:
             return None
         whole = self.camera.contains(self.camera.project(place(self._outline, fit.pose, fit.level)))
         return fit if bool(whole.all()) else None

@@ -59,6 +59,4 @@ def affine_invariants(u: Floats) -> Floats:
 
 def mismatch(a: Floats, b: Floats) -> float:
     """Sum of |lg|I_a| - lg|I_b|| over the invariants (5,) of two shapes, 0 for the same shape; equation 4."""
-    return float(
-        np.abs(np.log10(np.maximum(np.abs(a), FLOORS)) - np.log10(np.maximum(np.abs(b), FLOORS))).sum()
-    )
+    return float(np.abs(np.log10(np.maximum(np.abs(a), FLOORS)) - np.log10(np.maximum(np.abs(b), FLOORS))).sum())

@@ -50,6 +50,22 @@ def otsu(grey: Image) -> int:
     return int(level)
 
 
+def class_contrast(grey: Image, level: int) -> float:
+    """Difference [grey levels] between the means above a threshold and up to it; 0 where a class is empty."""
+    counts = histogram(grey)
+    levels = np.arange(256.0)
+    low, high = counts[: level + 1], counts[level + 1 :]
+    if not low.any() or not high.any():
+        return 0.0
+    return float(high @ levels[level + 1 :] / high.sum() - low @ levels[: level + 1] / low.sum())
+
+
+def above(grey: Image, level: int, *, below: bool = False) -> Image:
+    """Mask (H, W), 255 where grey > level; with `below` where it is not."""
+    kind = cv2.THRESH_BINARY_INV if below else cv2.THRESH_BINARY
+    return np.asarray(cv2.threshold(grey, level, 255, kind)[1], np.uint8)
+
+
 def local_mask(grey: Image, window: int, margin: float) -> Image:
     """Mask (H, W), 255 where a pixel is `margin` [grey levels] above the mean of its window [px]: uneven light."""
     mean = cv2.blur(grey, (window, window), borderType=cv2.BORDER_REPLICATE)
