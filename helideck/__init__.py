@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from scenarios.crew import make_pilot as make_pilot
     from scenarios.flight import Flight as Flight
     from scenarios.flight import fly as fly
-    from scenarios.load import build as build_scenario
-    from scenarios.load import load as load_scenario
-    from sim.vehicle import load as load_vehicle
+    from scenarios.load import build as build_scenario  # noqa: F401
+    from scenarios.load import load as load_scenario  # noqa: F401
+    from sim.vehicle import load as load_vehicle  # noqa: F401
 
 _WHERE = {
     "UserError": "flightlog.errors",

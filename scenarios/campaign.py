@@ -155,7 +155,8 @@ def flight_row(flight: Flight) -> dict[str, Any]:
         for statistic in ("mean", "max", "std")
     }
     timing = {name: getattr(flight, name) for name in TIMING}
-    return {"scenario": flight.scenario, "vehicle": flight.vehicle, "renderer": flight.renderer} | figures | flat | timing
+    names = {"scenario": flight.scenario, "vehicle": flight.vehicle, "renderer": flight.renderer}
+    return names | figures | flat | timing
 
 
 def _schema() -> pa.Schema:

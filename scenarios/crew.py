@@ -33,8 +33,15 @@ Floats = NDArray[np.float64]
 class Navigator(Protocol):
     """Measurements in, state out."""
 
-    detections: Sequence[Measurement]  # what vision found in the pictures of the last update
-    overlays: Mapping[str, Sequence[Floats]]  # by camera: lines (N, 2) [px] to draw over its last picture
+    @property
+    def detections(self) -> Sequence[Measurement]:
+        """What vision found in the pictures of the last update."""
+        ...
+
+    @property
+    def overlays(self) -> Mapping[str, Sequence[Floats]]:
+        """By camera, lines (N, 2) [px] to draw over its last picture."""
+        ...
 
     def update(self, measurements: Sequence[Measurement]) -> StateEstimate:
         """What has arrived since the last call, in order of arrival; called at 250 Hz."""
@@ -44,7 +51,10 @@ class Navigator(Protocol):
 class Pilot(Protocol):
     """State in, controls out."""
 
-    events: Sequence[tuple[float, str]]  # (t [s], what happened) so far
+    @property
+    def events(self) -> Sequence[tuple[float, str]]:
+        """(t [s], what happened) so far."""
+        ...
 
     @property
     def phase(self) -> str:
@@ -86,11 +96,8 @@ def make_pilot(vehicle: Vehicle, site: Site, scenario: Scenario, heading: float)
     if plan.heading_deg is not None:
         heading = math.radians(plan.heading_deg)
     east, north, height = plan.point_m
-    sequence: Landing | Hover
-    if plan.goal == "land":
-        sequence = Landing(site.skid_height, LandingLimits(height=height))
-    else:
-        sequence = Hover(height=height)
+    lands = plan.goal == "land"
+    sequence = Landing(site.skid_height, LandingLimits(height=height)) if lands else Hover(height=height)
     sequence.set_target(east, north)
     gains = _gains(vehicle, site.surface_pressure, site.surface_temperature)
     return controllers.pilot.Pilot(gains, sequence, heading)

@@ -120,7 +120,7 @@ def fly(
             watch.lap("logging")
             flight = Flight(
                 scenario=name,
-                seed=tuple(np.atleast_1d(seeds.entropy).tolist()),
+                seed=(seed,) if isinstance(seed, int) else seed,
                 vehicle=flying.name,
                 summary=summary,
                 wall_s=watch.total,

@@ -105,9 +105,8 @@ def _sensor_table(topic: str) -> type[BaseModel]:
 
 
 SENSOR_TABLES = {topic: _sensor_table(topic) for topic in SENSORS}
-Sensors: type[BaseModel] = create_model(
-    "Sensors", __base__=Strict, **{topic: (table, table()) for topic, table in SENSOR_TABLES.items()}
-)  # type: ignore[call-overload]
+_sensor_fields: dict[str, Any] = {topic: (table, table()) for topic, table in SENSOR_TABLES.items()}
+Sensors: type[BaseModel] = create_model("Sensors", __base__=Strict, **_sensor_fields)
 
 Device = Literal["imu", "mag", "baro", "gps", "sonar", "rotor", "pad", "down", "forward_a", "forward_b"]
 

@@ -7,7 +7,7 @@ import numpy as np
 from flightlog.marks import HMark
 from scenarios import cameras as camera_tables
 from scenarios.events import sensor_numbers
-from scenarios.schema import Scenario
+from scenarios.schema import SENSOR_TABLES, Scenario
 from sim.cameras.rendering import RenderProcess
 from sim.randomness import generator
 from sim.vehicle import Vehicle
@@ -21,7 +21,7 @@ def make_world(scenario: Scenario, seeds: np.random.SeedSequence, vehicle: Vehic
     fitted = camera_tables.fitted(vehicle.cameras, scenario.cameras)
     imaging = camera_tables.imaging(fitted, scenario.cameras)
     noise_seed = int(generator(seeds, "cameras").integers(2**31))
-    tables = {topic: getattr(scenario.sensors, topic) for topic in type(scenario.sensors).model_fields}
+    tables = {topic: getattr(scenario.sensors, topic) for topic in SENSOR_TABLES}
     return World(
         vehicle,
         weather=scenario.weather.weather(),

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +81,7 @@ class Observer:
         self._hand_over = hand_over
         self._truth: list[tuple[float, ...]] = []  # t, e, n, u, ve, vn, vu, roll, pitch
         self._fused: list[tuple[float, ...]] = []  # t, u, roll, pitch, heading
-        self._samples: dict[str, list[Measurement]] = {topic: [] for topic in _HEIGHTS.values()}
+        self._samples: dict[str, list[tuple[Any, ...]]] = {topic: [] for topic in _HEIGHTS.values()}
         self._left_point: float | None = None
         self.touchdown: Touchdown | None = None
         self._before = world.truth.velocity.tolist()
@@ -109,7 +110,7 @@ class Observer:
         for sample in {id(sample): sample for sample in (*measurements, *detections)}.values():
             topic = _HEIGHTS.get(type(sample))
             if topic is not None:
-                self._samples[topic].append(sample)
+                self._samples[topic].append(sample)  # type: ignore[arg-type]
         if self.touchdown is None and world.contact.count:
             # the velocity of the step before: contact has already taken this one's
             ve, vn, vu = self._before

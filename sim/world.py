@@ -29,7 +29,7 @@ from sim.pipeline import Pipeline
 from sim.randomness import generator
 from sim.scene import CompiledScene, compose
 from sim.schedule import TICK, InTransit, Schedule
-from sim.sensors.contract import Sensor, Site, Truth
+from sim.sensors.contract import Sensor, Truth
 from sim.sensors.faults import Fault
 from sim.sensors.pad_camera import PadCamera
 from sim.terms.contract import Term
@@ -308,9 +308,8 @@ class World:
             elif mark is not None and not rendered:
                 camera = self.cameras["down"]
                 numbers |= {"rate": camera.rate, "latency": camera.latency}
-                self._sensors[topic] = PadCamera(
-                    numbers, camera.mount.position, self.site, device, camera=camera.model, mount=camera.mount, mark=mark
-                )
+                place = {"camera": camera.model, "mount": camera.mount, "mark": mark}
+                self._sensors[topic] = PadCamera(numbers, camera.mount.position, self.site, device, **place)
         rates = {topic: sensor.numbers["rate"] for topic, sensor in self._sensors.items()}
         if rendered:
             rates |= {name: camera.rate for name, camera in self.cameras.items()}
