@@ -19,8 +19,8 @@ from controllers.position import split
 from controllers.regulator import bryson, lqr, residualise
 from flightlog.constants import GRAVITY
 
-INTEGRAL, HEIGHT, CLIMB = 1.0, 0.25, 0.25  # Bryson's largest values [m s], [m], [m/s]
-COLLECTIVE = 0.008  # [rad]
+INTEGRAL, HEIGHT, CLIMB = 0.5, 0.25, 0.39  # Bryson's largest values [m s], [m], [m/s]
+COLLECTIVE = 0.018  # [rad]
 STEADY_LIMIT = 1.5  # [m/s^2] integral part
 CLIMB_LIMIT = 1.5  # [m/s] correction of the height error
 LOADS = (0.6, 1.4)  # [1] load factor

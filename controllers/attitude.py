@@ -20,9 +20,9 @@ ESTIMATOR_DELAY = 0.006  # [s] by which the navigator's rates and attitude may l
 MEASURED = ("roll", "pitch", "wx", "wy")
 HIDDEN = ("flapping.back", "flapping.right", "servo.lateral", "servo.longitudinal")
 WEIGHTS = {  # Bryson's largest welcome values [rad], [rad/s]
-    "roll": 0.05, "pitch": 0.05, "wx": 1.0, "wy": 1.0, "flapping.back": 0.1, "flapping.right": 0.1,
+    "roll": 0.05, "pitch": 0.05, "wx": 1.0, "wy": 1.0, "flapping.back": 0.2, "flapping.right": 0.2,
 }  # fmt: skip
-CYCLIC = 0.025  # [rad]
+CYCLIC = 0.035  # [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +91,3 @@ class AttitudeLoop:
         sent[2:] = sent[:-2].copy()
         sent[:2] = z[-2:]
         return lateral, longitudinal
-
-
-

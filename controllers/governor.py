@@ -7,8 +7,8 @@ import numpy as np
 from controllers.plant import SAMPLE_TIME, LinearPlant
 from controllers.regulator import bryson, lqr, residualise
 
-INTEGRAL, SPEED = 3.0, 2.0  # Bryson's largest values [rad], [rad/s]
-THROTTLE = 0.05  # [1]
+INTEGRAL, SPEED = 3.0, 2.5  # Bryson's largest values [rad], [rad/s]
+THROTTLE = 0.03  # [1]
 
 
 @dataclass(frozen=True)

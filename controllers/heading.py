@@ -8,8 +8,8 @@ import numpy as np
 from controllers.plant import SAMPLE_TIME, LinearPlant
 from controllers.regulator import bryson, lqr, residualise
 
-INTEGRAL, HEADING, RATE = 0.3, 0.10, 0.35  # Bryson's largest values [rad s], [rad], [rad/s]
-TAIL = 0.03  # [rad]
+INTEGRAL, HEADING, RATE = 0.3, 0.20, 0.50  # Bryson's largest values [rad s], [rad], [rad/s]
+TAIL = 0.02  # [rad]
 STEADY_LIMIT = 0.15  # [rad] integral part
 ERROR_LIMIT = 0.35  # [rad] of heading error that the loop acts on at once
 

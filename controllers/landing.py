@@ -32,7 +32,8 @@ class LandingLimits:
     flare_below: float = 2.0  # low
     cutoff_below: float = 0.2  # low
     cutoff_sink: float = 0.25  # [m/s] after cut-off
-    cutoff_speed: float = 0.30  # [m/s] horizontal, above which the throttle stays open
+    cutoff_speed: float = 0.25  # [m/s] horizontal, above which the throttle stays open
+    wait_below: float = 0.5  # low: from here down, sinks only when slow enough to touch down
     pad_age_high: float = 1.0  # for which the pad may go unseen ...
     pad_age_low: float = 3.0  # ... and below `blind_below`, where it no longer fits the picture
     blind_below: float = 0.8  # body origin
@@ -44,6 +45,9 @@ class LandingLimits:
     contact_low: float = 0.06  # skids this near to the ground ...
     contact_speed: float = 0.12  # [m/s] ... and vertically this slow ...
     contact_time: float = 0.10  # ... for so long have touched it
+    contact_late: float = 2.5  # after cut-off, when no rotor flies any more: then standing still alone will do
+    stuck_speed: float = 0.08  # [m/s] vertically this slow ...
+    stuck_time: float = 1.5  # ... for so long while asked to sink: on the ground, whatever the height says
     rest_time: float = 3.0  # after contact, until finished
     tilt_high: float = math.radians(6.0)  # allowed to the pilot on the way to P1
     tilt_low: float = math.radians(3.2)  # and from P1 down
@@ -63,6 +67,8 @@ class Landing:
         self._target = (0.0, 0.0)
         self._since = math.nan  # when this phase began
         self._good = 0.0  # since when the check holds, the limits are kept, the skids stand still
+        self._sinking = 0.0  # when it last sank, or was not asked to
+        self._check_height = self.limits.height
         self._step = {
             Phase.APPROACH: self._approach,
             Phase.HOVER: self._hover,
@@ -104,43 +110,53 @@ class Landing:
 
     def _check(self, state: StateEstimate, error: float, height: float, speed: float, climb: float) -> Demand:
         limits = self.limits
-        height_wanted = limits.height if self.tries == 0 else limits.again_height
+        seen = self._pad_seen(state, height)
+        if not seen and state.t - self._since > limits.check_patience:
+            self._check_height = limits.height  # further up, more is in the picture
         slack = 1.0 if state.t - self._since < limits.check_patience else 2.0
         good = (
             error < slack * limits.check_position
-            and abs(height - height_wanted) < slack * limits.check_height
+            and abs(height - self._check_height) < slack * limits.check_height
             and math.hypot(speed, climb) < slack * limits.check_speed
-            and self._pad_seen(state, height)
+            and seen
         )
         if not good:
             self._good = state.t
         elif state.t - self._good >= limits.check_time:
             self.tries += 1
             self._enter(Phase.DESCEND, state.t)
-        return self._over_pad(height_wanted, 1.0, limits.tilt_low)
+        return self._over_pad(self._check_height, 1.0, limits.tilt_low)
 
     def _descend(self, state: StateEstimate, error: float, height: float, speed: float, climb: float) -> Demand:
         if height - self._skid_height < self.limits.flare_below:
             self._enter(Phase.FLARE, state.t)
-        return self._down(state, error, height)
+        return self._down(state, error, height, speed)
 
     def _flare(self, state: StateEstimate, error: float, height: float, speed: float, climb: float) -> Demand:
         limits = self.limits
         low = height - self._skid_height
         if low < limits.cutoff_below and error < self._cone(height) and speed < limits.cutoff_speed:
             self._enter(Phase.CUTOFF, state.t)
-        demand = self._down(state, error, height)
+            return self._cutoff(state, error, height, speed, climb)
+        demand = self._down(state, error, height, speed)
+        if abs(climb) > limits.stuck_speed or demand.rate < 2.0 * limits.stuck_speed or self.phase is not Phase.FLARE:
+            self._sinking = state.t
+        elif state.t - self._sinking > limits.stuck_time:
+            self._enter(Phase.CUTOFF, state.t, f"does not sink any more at {low:.2f} m")
         if low < limits.cutoff_below and self.phase is Phase.FLARE:  # not fit to touch down: wait, just above
-            return demand._replace(height=self._skid_height + limits.cutoff_below, rate=0.3)
+            return demand._replace(height=self._skid_height + limits.wait_below, rate=0.3)
         return demand
 
     def _cutoff(self, state: StateEstimate, error: float, height: float, speed: float, climb: float) -> Demand:
         limits = self.limits
-        if height - self._skid_height > limits.contact_low or abs(climb) > limits.contact_speed:
+        low = height - self._skid_height
+        touching = low < limits.contact_low or state.t - self._since > limits.contact_late
+        if not touching or abs(climb) > limits.contact_speed:
             self._good = state.t
         elif state.t - self._good >= limits.contact_time:
             self._enter(Phase.LANDED, state.t)
-        return self._over_pad(-math.inf, limits.cutoff_sink, limits.tilt_low)._replace(ground_effect=True, powered=False)
+        demand = self._over_pad(-math.inf, limits.cutoff_sink, limits.tilt_low)
+        return demand._replace(ground_effect=True, powered=False)
 
     def _landed(self, state: StateEstimate, error: float, height: float, speed: float, climb: float) -> Demand:
         self.finished = state.t - self._since >= self.limits.rest_time
@@ -149,6 +165,7 @@ class Landing:
     def _go_around(self, state: StateEstimate, error: float, height: float, speed: float, climb: float) -> Demand:
         limits = self.limits
         if error < limits.near and abs(height - limits.again_height) < limits.near:
+            self._check_height = limits.again_height
             self._enter(Phase.CHECK, state.t)
         return self._over_pad(limits.again_height, 1.0, limits.tilt_high)
 
@@ -159,7 +176,7 @@ class Landing:
 
     def _enter(self, phase: Phase, t: float, why: str = "") -> None:
         self.phase = phase
-        self._since = self._good = t
+        self._since = self._good = self._sinking = t
         self.events.append((t, f"{phase.value}: {why}" if why else phase.value))
 
     def _over_pad(self, height: float, rate: float, tilt: float) -> Demand:
@@ -174,7 +191,7 @@ class Landing:
         spread = float(max(state.std_position[0], state.std_position[1]))
         return state.pad_age < oldest and spread < limits.spread
 
-    def _down(self, state: StateEstimate, error: float, height: float) -> Demand:
+    def _down(self, state: StateEstimate, error: float, height: float, speed: float) -> Demand:
         """Sink by the schedule inside the cone, slower near its edge; break off where pad or limits stay lost."""
         limits = self.limits
         cone, low = self._cone(height), height - self._skid_height
@@ -190,6 +207,8 @@ class Landing:
                 self._enter(Phase.HOLD, state.t, f"{why}, {self.tries} tries spent")
             return self._over_pad(height, 0.0, limits.tilt_low)
         rate = next((rate for above, rate in limits.rates if low > above), limits.rates[-1][1])
-        share = min(max(2.0 * (1.0 - error / cone), 0.0), 1.0) if seen else 0.0  # full speed in the inner half
+        share = min(max(2.0 * (1.0 - error / cone), 0.0), 1.0)  # full rate in the inner half of the cone
+        if not seen or (low < limits.wait_below and speed > limits.cutoff_speed):
+            share = 0.0
         demand = self._over_pad(-math.inf, rate * share, limits.tilt_low)
         return demand._replace(ground_effect=self.phase is not Phase.DESCEND)

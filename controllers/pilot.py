@@ -9,12 +9,13 @@ from controllers.governor import Governor
 from controllers.heading import HeadingLoop
 from controllers.plant import SAMPLE_TIME
 from controllers.position import PositionLoop
-from controllers.sequence import Phase, Sequence
+from controllers.sequence import Demand, Phase, Sequence
 from controllers.velocity import VelocityLoop
 from flightlog.signals import Controls, StateEstimate
 
 LEVEL_LEAD = 0.15  # [s] by which the roll against the tail rotor's push is taken out before the throttle shuts
 GROUND_COLLECTIVE_RATE = 0.08  # [rad/s] on the ground
+SEQUENCE_EVERY = 5  # periods: the plan is asked 50 times a second
 GROUND_TIME = 0.5  # [s] in which cyclic and tail come to rest there
 
 
@@ -22,7 +23,7 @@ class Pilot:
     """Flies a sequence with the gains designed for a vehicle; knows of the flight only what the estimate says."""
 
     def __init__(self, gains: Gains, sequence: Sequence, heading: float | None = None) -> None:
-        """heading [rad] to be held; the heading at the first update where None."""
+        """Holds `heading` [rad]; the heading at the first update where None."""
         self.gains = gains
         self.sequence = sequence
         self._heading = heading
@@ -34,6 +35,8 @@ class Pilot:
         self._governor = Governor(gains.governor)
         self._reference: HeightReference | None = None
         self._sent = gains.trim
+        self._periods = 0
+        self._demand: Demand
         self._unpowered = 0.0  # [s] since the sequence wanted the throttle shut
 
     @property
@@ -65,7 +68,10 @@ class Pilot:
             if self._heading is None:
                 self._heading = state.heading
         assert self._heading is not None
-        demand = self.sequence.update(state)
+        if self._periods % SEQUENCE_EVERY == 0:
+            self._demand = self.sequence.update(state)
+        self._periods += 1
+        demand = self._demand
         if not demand.flying:
             self._sent = self._on_ground()
             return self._sent
@@ -88,8 +94,10 @@ class Pilot:
 
         wanted_e, wanted_n = self._position.update(demand.east - e, demand.north - n, demand.speed_limit)
         roll, pitch = self._velocity.update(
-            wanted_e - ve,
-            wanted_n - vn,
+            wanted_e,
+            wanted_n,
+            ve,
+            vn,
             state.heading,
             demand.tilt_limit,
             level=1.0 if demand.powered else 0.0,

@@ -19,8 +19,8 @@ from controllers.velocity import VelocityGains
 from flightlog.constants import GRAVITY
 
 TILT_LAG = 0.35  # [s] of the attitude loop, its group delay at low frequency
-INTEGRAL, POSITION, VELOCITY, TILT = 4.0, 0.5, 0.4, 0.10  # Bryson's largest values [m s], [m], [m/s], [rad]
-TILT_DEMAND = 0.06  # [rad]
+INTEGRAL, POSITION, VELOCITY, TILT = 3.0, 0.5, 0.4, 0.10  # Bryson's largest values [m s], [m], [m/s], [rad]
+TILT_DEMAND = 0.045  # [rad]
 STEADY_LIMIT = 1.2  # [m/s^2] integral part: as much as a wind of 9 m/s from the side asks for
 
 
@@ -38,7 +38,8 @@ def design_horizontal(plant: LinearPlant) -> tuple[PositionGains, VelocityGains]
     a[2, 3] = GRAVITY
     a[3, 3] = -1.0 / TILT_LAG
     b = np.array([[0.0], [0.0], [0.0], [1.0 / TILT_LAG]])
-    integral, position, velocity, tilt = lqr(a, b, bryson(INTEGRAL, POSITION, VELOCITY, TILT), bryson(TILT_DEMAND))[0].tolist()
+    weights = bryson(INTEGRAL, POSITION, VELOCITY, TILT)
+    integral, position, velocity, tilt = lqr(a, b, weights, bryson(TILT_DEMAND))[0].tolist()
     scale = GRAVITY / (1.0 + tilt)  # tilt is taken as following its demand
     k_v, faster, slower = split(scale * integral, scale * position, scale * velocity)
     return PositionGains(faster), VelocityGains(k_v, k_v * slower, STEADY_LIMIT, plant.trim_roll, plant.trim_pitch)

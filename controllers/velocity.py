@@ -1,8 +1,9 @@
 """Horizontal velocity to tilt: proportional and integral, in world axes, limited in tilt.
 
 The demand is an acceleration, which the thrust gives by tilting: forward by a lowered nose, right by a lowered right
-side. The integral stands for steady wind and for trims that are not as they were thought; it rests while the tilt is
-at its limit and would grow further.
+side. The integral stands for steady wind and for trims that are not as they were thought. The limit is on the rest, so
+that a wind stronger than the limit can be met; at the limit the integral grows only as long as the machine does not
+follow, which keeps it from winding up while a new place is flown to.
 """
 
 import math
@@ -10,6 +11,9 @@ from dataclasses import dataclass
 
 from controllers.plant import SAMPLE_TIME
 from flightlog.constants import GRAVITY
+
+ACCELERATION_LAG = 0.5  # [s] of the low-pass behind the acceleration
+OBEYED = 0.2  # [1] share of the acceleration at the limit that counts as following
 
 
 @dataclass(frozen=True)
@@ -30,31 +34,49 @@ class VelocityLoop:
         self._gains = gains
         self._steady_e = 0.0  # [m/s^2] integral part
         self._steady_n = 0.0
+        self._smooth_e: float | None = None  # [m/s] velocity, low-passed, for the acceleration
+        self._smooth_n = 0.0
 
     def update(
-        self, error_e: float, error_n: float, heading: float, tilt_limit: float, level: float, hold: bool
+        self,
+        wanted_e: float,
+        wanted_n: float,
+        ve: float,
+        vn: float,
+        heading: float,
+        tilt_limit: float,
+        level: float,
+        hold: bool,
     ) -> tuple[float, float]:
         """(roll, pitch) wanted [rad].
 
-        error_e, error_n: velocity wanted less velocity [m/s] ENU; heading [rad]; tilt_limit: from trim [rad];
-        level: 1 with the tail rotor pushing sideways as at trim, 0 without; hold: the integral rests.
+        wanted_e, wanted_n, ve, vn: velocity wanted and velocity [m/s] ENU; heading [rad]; tilt_limit [rad]: from what
+        trim and steady wind ask for; level: 1 with the tail rotor pushing sideways as at trim, 0 without; hold: the
+        integral rests.
         """
         gains = self._gains
-        ae = gains.proportional * error_e + self._steady_e
-        an = gains.proportional * error_n + self._steady_n
+        if self._smooth_e is None:
+            self._smooth_e, self._smooth_n = ve, vn
+        lag_e, lag_n = ve - self._smooth_e, vn - self._smooth_n
+        self._smooth_e += SAMPLE_TIME / ACCELERATION_LAG * lag_e
+        self._smooth_n += SAMPLE_TIME / ACCELERATION_LAG * lag_n
+
+        error_e, error_n = wanted_e - ve, wanted_n - vn
+        ae, an = gains.proportional * error_e, gains.proportional * error_n
         size, most = math.hypot(ae, an), GRAVITY * math.tan(tilt_limit)
         if size > most:
-            ae, an = ae * most / size, an * most / size
+            share = most / size
+            ae, an, error_e, error_n = ae * share, an * share, error_e * share, error_n * share
+            # at the limit, the integral rests while the limit does its work, and acts where it does not
+            obeyed = (ae * lag_e + an * lag_n) / ACCELERATION_LAG
+            hold = hold or obeyed > OBEYED * most * most
         if not hold:
             step = gains.integral * SAMPLE_TIME
-            if size <= most or error_e * self._steady_e <= 0.0:
-                self._steady_e = _limited(self._steady_e + step * error_e, gains.integral_limit)
-            if size <= most or error_n * self._steady_n <= 0.0:
-                self._steady_n = _limited(self._steady_n + step * error_n, gains.integral_limit)
+            steady_e, steady_n = self._steady_e + step * error_e, self._steady_n + step * error_n
+            share = min(1.0, gains.integral_limit / max(math.hypot(steady_e, steady_n), 1e-9))
+            self._steady_e, self._steady_n = share * steady_e, share * steady_n
+        ae += self._steady_e
+        an += self._steady_n
         sine, cosine = math.sin(heading), math.cos(heading)
         forward, right = ae * sine + an * cosine, ae * cosine - an * sine
         return level * gains.trim_roll + math.atan(right / GRAVITY), gains.trim_pitch - math.atan(forward / GRAVITY)
-
-
-def _limited(value: float, limit: float) -> float:
-    return min(max(value, -limit), limit)

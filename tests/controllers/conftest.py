@@ -15,7 +15,8 @@ from flightlog.atmosphere import SURFACE_PRESSURE, SURFACE_TEMPERATURE
 from flightlog.constants import GRAVITY
 from flightlog.rotations import angles, from_vector, matrix, multiply, quaternion
 from flightlog.signals import Controls, StateEstimate
-from sim.linearisation import Trim, linearise, trim
+from scenarios.crew import plant_of
+from sim.linearisation import Trim, trim
 from sim.motion import advance
 from sim.pipeline import Pipeline
 from sim.vehicle import Vehicle, load
@@ -25,30 +26,6 @@ from sim.wind import Gust, Wind
 TICK = 0.002  # [s]
 SKIDS = np.array([[x, y, -0.23] for x in (-0.25, 0.25) for y in (-0.15, 0.15)])
 STIFFNESS, DAMPING, FRICTION = 8000.0, 300.0, 0.6  # [N/m], [N s/m], [1] at each skid point
-
-
-def linear_plant(vehicle: Vehicle, pipeline: Pipeline, at: Trim) -> LinearPlant:
-    model = linearise(pipeline, at)
-    servo = vehicle.parameters["servo"]
-    lower = Controls(servo["collective_min"], -servo["cyclic_max"], -servo["cyclic_max"], -servo["tail_max"], 0.0)
-    upper = Controls(servo["collective_max"], servo["cyclic_max"], servo["cyclic_max"], servo["tail_max"], 1.0)
-    return LinearPlant(
-        A=model.A,
-        B=model.B,
-        state_names=model.state_names,
-        input_names=model.input_names,
-        delay=model.delay,
-        trim=at.controls,
-        trim_roll=at.roll,
-        trim_pitch=at.pitch,
-        lower=lower,
-        upper=upper,
-        rotor_speed=float(at.signals["rotor_speed"]),
-        rotor_radius=float(vehicle.geometry["rotor_radius"]),
-        induced_velocity=float(at.signals["inflow"]),
-        hub_height=float(vehicle.geometry["hub"][2]),
-        skid_height=float(vehicle.geometry["skid_height"]),
-    )
 
 
 @numba.njit(cache=True)
@@ -152,8 +129,9 @@ class Flight:
                 self.qpos, self.qvel, self.air, SURFACE_PRESSURE, SURFACE_TEMPERATURE, tuple(controls), self.qfrc,
             )  # fmt: skip
             _move(
-                self.qpos, self.qvel, self.qfrc, self.at.inertia, float(self.signals["mass"]), TICK, SKIDS, self.touching
-            )
+                self.qpos, self.qvel, self.qfrc, self.at.inertia, float(self.signals["mass"]), TICK, SKIDS,
+                self.touching,
+            )  # fmt: skip
         self.t += SAMPLE_TIME
 
     def fly(self, pilot: Pilot, duration: float, each: Callable[["Flight"], None] | None = None) -> None:
@@ -190,8 +168,8 @@ def hover_trim(vehicle: Vehicle) -> Trim:
 
 
 @pytest.fixture(scope="session")
-def plant(vehicle: Vehicle, hover_trim: Trim) -> LinearPlant:
-    return linear_plant(vehicle, Pipeline(vehicle.terms, vehicle.parameters, vehicle.geometry), hover_trim)
+def plant(vehicle: Vehicle) -> LinearPlant:
+    return plant_of(vehicle, SURFACE_PRESSURE, SURFACE_TEMPERATURE)
 
 
 @pytest.fixture(scope="session")
