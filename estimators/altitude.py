@@ -1,0 +1,203 @@
+"""Height and climb rate from inertial, barometer, GPS, vision and ultrasonic ranger.
+
+Lei et al. 2012, equations 15 to 27, extended: the published state is height and barometer bias; here it is
+
+    x = [h, v, b_a, b_q, b_g]
+
+height of the body origin above the pad's plane, climb rate, vertical error of the acceleration, bias of the barometer,
+bias of the GPS height. The measurements, all of h:
+
+    high:  baro h + b_q    GPS h + b_g    vision h              (equations 15, 16)
+    near:  GPS h + b_g     vision h       ranger h              (equations 17, 18; the barometer is shut out)
+
+Which set is used follows from the PREDICTED height with hysteresis, not from what the ranger says, since beyond its
+reach the ranger answers with echoes from nowhere. Nor is it believed at once when it should have come into reach: so
+many of its last samples must have agreed with the filter. Near the ground the barometer reads the rotor's downwash;
+there it is left out and its bias keeps its value, its uncertainty growing as its drift does.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.attitude import INPUTS
+from estimators.delayed_kalman import TAKEN, Component, DelayedKalman, LinearModel
+from flightlog.equipment import Equipment
+
+Floats = NDArray[np.float64]
+
+H, V, B_A, B_Q, B_G = range(5)  # states
+BARO, GPS, GPS_CLIMB, VISION, SONAR = range(5)  # components
+TOPIC_BARO, TOPIC_GPS, TOPIC_VISION, TOPIC_SONAR = range(4)
+
+
+class Mode(Enum):
+    """Which of the two sets of measurements is in use."""
+
+    HIGH = "high"
+    NEAR = "near"
+
+
+@dataclass(frozen=True)
+class AltitudeNoise:
+    """What the filter assumes of its sensors; standard deviations. Defaults: the published platform's."""
+
+    acceleration: float = 0.03  # [m/s^2/sqrt(Hz)] white: sensor, vibration left by the notches
+    acceleration_bias: float = 0.06  # [m/s^2] bias and scale error at 1 g
+    acceleration_bias_tau: float = 100.0  # [s]
+    baro: float = 0.15  # [m] white
+    baro_bias: float = 0.7  # [m] at the start
+    baro_drift: float = 0.35  # [m]
+    baro_drift_tau: float = 60.0  # [s]
+    gps: float = 0.05  # [m] white
+    gps_bias: float = 0.7  # [m] at the start
+    gps_wander: float = 0.25  # [m]
+    gps_wander_tau: float = 60.0  # [s]
+    climb: float = 0.05  # [m/s] white, of the GPS
+    reach_low: float = 2.7  # [m] predicted range of the ranger below which the near set is used
+    reach_high: float = 3.0  # [m] and above which it is left
+
+    @classmethod
+    def of(cls, equipment: Equipment) -> "AltitudeNoise":
+        """From the sensors as fitted; what is not fitted keeps its default and is never heard of."""
+        given: dict[str, float] = {}
+        if (imu := equipment.sensors.get("imu")) is not None:
+            bias = math.hypot(imu["accel_bias_std"], imu["accel_drift_std"], 9.8 * imu["accel_scale_std"])
+            given |= {"acceleration_bias": bias, "acceleration": math.hypot(imu["accel_noise"], 0.02)}
+        if (baro := equipment.sensors.get("baro")) is not None:
+            # white noise is widened: gusts over the port are neither white nor in the numbers
+            given |= {
+                "baro": math.hypot(baro["noise"], 0.05),
+                "baro_bias": math.hypot(baro["bias_std"], 0.1),
+                "baro_drift": baro["drift_std"],
+                "baro_drift_tau": baro["drift_tau"],
+            }
+        if (gps := equipment.sensors.get("gps")) is not None:
+            given |= {
+                "gps": gps["noise_up"],
+                "gps_bias": math.hypot(gps["bias_std_up"], gps["wander_std_up"]),
+                "gps_wander": gps["wander_std_up"],
+                "gps_wander_tau": gps["wander_tau"],
+                "climb": gps["velocity_noise"],
+            }
+        if (sonar := equipment.sensors.get("sonar")) is not None:
+            top = sonar["greatest_range"]
+            given |= {"reach_low": 2.7 / 3.05 * top, "reach_high": 3.0 / 3.05 * top}
+        return cls(**given)
+
+
+def model(noise: AltitudeNoise) -> LinearModel:
+    """h' = v, v' = a - b_a; b_a a Gauss-Markov process; the biases walk as far as their sensors' wander does."""
+    dynamics = np.zeros((5, 5))
+    dynamics[H, V], dynamics[V, B_A], dynamics[B_A, B_A] = 1.0, -1.0, -1.0 / noise.acceleration_bias_tau
+    inputs = np.zeros((5, INPUTS))
+    inputs[V, 2] = 1.0
+    density = np.zeros((5, 5))
+    density[B_A, B_A] = 2.0 * noise.acceleration_bias**2 / noise.acceleration_bias_tau
+    density[B_Q, B_Q] = 2.0 * noise.baro_drift**2 / noise.baro_drift_tau
+    density[B_G, B_G] = 2.0 * noise.gps_wander**2 / noise.gps_wander_tau
+    driven = np.zeros((5, 5))
+    driven[V, V] = noise.acceleration**2
+    components = [
+        Component(TOPIC_BARO, patience=50, jump=B_Q),
+        Component(TOPIC_GPS, patience=10, jump=B_G),
+        Component(TOPIC_GPS, patience=10),
+        Component(TOPIC_VISION, patience=25, reference=True),
+        Component(TOPIC_SONAR, patience=20, reference=True),
+    ]
+    return LinearModel(dynamics, inputs, density, driven, components)
+
+
+def _row(*states: int) -> Floats:
+    row = np.zeros(5)
+    row[list(states)] = 1.0
+    return row
+
+
+class AltitudeFilter:
+    """The filter and its choice of measurements. Heights are of the body origin above the pad's plane [m]."""
+
+    AGREEING, OUT_OF = 4, 6  # so many of the ranger's last samples must have agreed
+    INSISTING = 20  # so many echoes in a row that agree with each other outvote the filter
+    SILENCE = 1.0  # [s] without an echo the ranger must convince anew
+    FORLORN = 2.0  # [s] without another height the barometer is heard even near the ground
+    DOWNWASH = 1.5  # [m] then its error may be this large
+
+    def __init__(self, noise: AltitudeNoise, t: float) -> None:
+        """Starts at `t` [s], knowing nothing of the height."""
+        self.noise = noise
+        start = [100.0, 3.0, noise.acceleration_bias, noise.baro_bias, noise.gps_bias]
+        self.kalman = DelayedKalman(model(noise), t, np.zeros(5), np.diag(np.square(start)))
+        self.mode = Mode.HIGH
+        self.height = 0.0  # [m] as of the last report, for the choice of measurements
+        self.deviation = 100.0  # [m] its standard deviation
+        self.height_time = -math.inf  # [s] of the last height that was not the barometer's
+        self._rows = (_row(H, B_Q), _row(H, B_G), _row(V), _row(H), _row(H))
+        self._agreed: deque[bool] = deque(maxlen=self.OUT_OF)
+        self._misses: deque[float] = deque(maxlen=self.INSISTING)
+        self._insisted = False
+        self._last_echo = -math.inf
+
+    @property
+    def echoes_confirmed(self) -> bool:
+        """Whether the ranger is believed."""
+        return self._insisted or sum(self._agreed) >= self.AGREEING
+
+    def baro(self, t: float, height: float) -> bool:
+        """Height by equation 8 [m]; False where it is not used."""
+        variance = self.noise.baro**2
+        if self.mode is Mode.NEAR:
+            if t - self.height_time < self.FORLORN:
+                return True  # shut out, which is no rejection
+            variance += self.DOWNWASH**2
+        return self.kalman.insert(t, BARO, self._rows[BARO], height, variance) == TAKEN
+
+    def gps(self, t: float, height: float, climb: float, dilution: float) -> bool:
+        """Height [m] and climb rate [m/s]; `dilution` multiplies their standard deviations."""
+        noise, insert = self.noise, self.kalman.insert
+        taken = insert(t, GPS, self._rows[GPS], height, (dilution * noise.gps) ** 2)
+        if taken == TAKEN:
+            insert(t, GPS_CLIMB, self._rows[GPS_CLIMB], climb, (dilution * noise.climb) ** 2)
+        return taken == TAKEN
+
+    def vision(self, t: float, height: float, variance: float) -> bool:
+        """Height above the pad seen [m] and its variance [m^2]."""
+        return self.kalman.insert(t, VISION, self._rows[VISION], height, variance) == TAKEN
+
+    def sonar(self, t: float, height: float, variance: float, lever: float) -> bool:
+        """Height [m] that an echo means, NaN without one; the ranger sits `lever` [m] above the body origin."""
+        self.choose(lever)
+        miss = height - self.height
+        heard = math.isfinite(miss)
+        if heard:
+            self._last_echo = t
+        elif t - self._last_echo > self.SILENCE:
+            self._insisted = False
+        gate = max(0.15, 4.0 * math.sqrt(variance + self.deviation**2))
+        self._agreed.append(heard and abs(miss) <= gate)
+        self._misses.append(miss)
+        if not heard:
+            return True
+        if not self._insisted and len(self._misses) == self.INSISTING:
+            misses = np.array(self._misses)
+            if np.all(np.isfinite(misses)) and abs(float(np.mean(misses))) > gate and float(np.std(misses)) < 0.1:
+                self._insisted = True
+                self.mode = Mode.NEAR
+        if self.mode is Mode.NEAR and self.echoes_confirmed:
+            return self.kalman.insert(t, SONAR, self._rows[SONAR], height, variance) == TAKEN
+        return True
+
+    def choose(self, lever: float) -> None:
+        """The set of measurements that fits the predicted height."""
+        reach = self.height + lever
+        if self.mode is Mode.HIGH:
+            if reach < self.noise.reach_low and self.deviation < 1.0:
+                self.mode = Mode.NEAR
+        elif reach > self.noise.reach_high and not self._insisted:
+            self.mode = Mode.HIGH
+        if self._insisted and reach < self.noise.reach_low:
+            self._insisted = False  # the filter has come round

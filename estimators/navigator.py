@@ -1,0 +1,390 @@
+"""All that arrives aboard in, one state out: the navigator of the loop and of a measured log alike.
+
+The filters know nothing of each other's insides: attitude turns the force into the world, position and altitude
+integrate it and correct it by what they measure, and what the position filter finds wrong with the horizontal
+acceleration levels the attitude. A missing sensor makes standard deviations grow and nothing else.
+
+Delays of what the pilot gets: position, velocity and angles none beyond the inertial sample's own; rates and
+acceleration 5.2 ms, from the notches and the mean of two samples that take the rotors' vibration out.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, Protocol
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators import altitude, position
+from estimators.altitude import AltitudeFilter, AltitudeNoise
+from estimators.attitude import AttitudeFilter, attitude_at, correct_axis, correct_azimuth, propagate
+from estimators.delayed_kalman import AHEAD, advance_memory
+from estimators.lever_arms import antenna, pad_in_world, ranger
+from estimators.position import PositionFilter, PositionNoise
+from estimators.vision.sighting import PadPrediction, PadSighting
+from flightlog.constants import GRAVITY
+from flightlog.equipment import Equipment
+from flightlog.rotations import angles, from_vector, matrix, multiply
+from flightlog.signals import (
+    BaroSample,
+    Frame,
+    GpsSample,
+    HorizonSample,
+    ImuSample,
+    MagSample,
+    Measurement,
+    PadSample,
+    RotorSample,
+    SonarSample,
+    StateEstimate,
+)
+
+Floats = NDArray[np.float64]
+
+BEFORE = 0.25  # [s] the filters begin so long before the first sample: late ones may be from before it
+LONGEST_GAP = 60.0  # [s] an inertial sample farther ahead has a broken stamp
+BLIND_NOISE = (1.0 / 0.03) ** 2  # without inertial samples: 1 m/s^2/sqrt(Hz) instead of 0.03
+GRAIN = 0.003  # [m] neither mount nor pad are known better
+SCALE = 0.001  # [1] of the distance: focal length
+AID_FULL, AID_NONE = 0.6, 1.5  # [s] age of the last fix up to which, and from which on not, it levels the attitude
+
+
+class FrontEnd(Protocol):
+    """What sees the pad in a picture."""
+
+    def see(
+        self, image: NDArray[np.uint8], attitude: Floats, prediction: PadPrediction | None
+    ) -> PadSighting | None: ...
+
+
+@numba.njit(cache=True)
+def _inertial(attitude, height, place, t, fx, fy, fz, wx, wy, wz):
+    """One inertial sample through the three filters."""
+    p = place[0]
+    last = p.ring[(p.epochs - 1) % p.ring.shape[0]]
+    newest = -math.inf
+    for topic in range(last.accepted.shape[0]):
+        newest = max(newest, last.accepted[topic])
+    aid = min(1.0, max(0.0, (AID_NONE - (t - newest)) / (AID_NONE - AID_FULL)))
+    variance = 0.5 * (last.p[4, 4] + last.p[5, 5])
+    propagate(attitude, t, fx, fy, fz, wx, wy, wz, last.x[4], last.x[5], variance, aid)
+    a = attitude[0]
+    # until it is aligned the acceleration is taken for none, as in trimmed flight
+    noise = 1.0 if a.aligned == 1 else 100.0
+    advance_memory(height, t, a.inputs, noise)
+    advance_memory(place, t, a.inputs, noise)
+
+
+@numba.njit(cache=True)
+def _coast(attitude, height, place, t):
+    """On to `t` without an inertial sample: the turning dies away, the acceleration is anything about none."""
+    a = attitude[0]
+    dt = t - a.t
+    a.t = t
+    for i in range(3):
+        a.raw_rate[i] *= math.exp(-dt / 0.1)
+        a.rates[i] = a.raw_rate[i]
+        a.mean_acceleration[i] = 0.0
+    a.inputs[:] = 0.0
+    q = multiply(a.q, from_vector(dt * a.raw_rate))
+    for i in range(4):
+        a.q[i] = q[i]
+    a.variance_level += (0.1 * dt) ** 2 + 2.0 * 0.1 * dt * math.sqrt(a.variance_level)
+    a.variance_heading += (0.1 * dt) ** 2 + 2.0 * 0.1 * dt * math.sqrt(a.variance_heading)
+    i = a.samples % a.times.shape[0]
+    a.times[i] = t
+    a.quaternions[i, :] = a.q
+    a.turning[i, :] = a.raw_rate
+    a.samples += 1
+    advance_memory(height, t, a.inputs, BLIND_NOISE)
+    advance_memory(place, t, a.inputs, BLIND_NOISE)
+
+
+@numba.njit(cache=True)
+def _report(attitude, height, place):
+    """Everything that a StateEstimate holds, in a row (32,); see `Navigator._estimate`."""
+    a, h, p = attitude[0], height[0], place[0]
+    v, s = h.ring[(h.epochs - 1) % h.ring.shape[0]], p.ring[(p.epochs - 1) % p.ring.shape[0]]
+    out = np.empty(32)
+    out[0], out[1], out[2] = s.x[0], s.x[1], v.x[0]
+    out[3], out[4], out[5] = s.x[2], s.x[3], v.x[1]
+    f = a.mean_acceleration
+    out[6], out[7], out[8] = f[0] - GRAVITY * s.x[4] - s.x[6], f[1] - GRAVITY * s.x[5] - s.x[7], f[2] - v.x[2]
+    out[9:13] = a.q
+    out[13:16] = a.rates
+    for i in range(2):
+        out[16 + i] = math.sqrt(s.p[i, i])
+        out[19 + i] = math.sqrt(s.p[2 + i, 2 + i])
+        out[22 + i] = math.sqrt(a.variance_level)
+    out[18], out[21], out[24] = math.sqrt(v.p[0, 0]), math.sqrt(v.p[1, 1]), math.sqrt(a.variance_heading)
+    out[25], out[26], out[27] = angles(a.q)
+    out[28] = a.t
+    out[29] = a.rotor_speed
+    out[30] = a.t - s.accepted[2]
+    out[31] = a.t - max(v.accepted[1], v.accepted[2], v.accepted[3])
+    return out
+
+
+class Navigator:
+    """Built from the sensors as known aboard; `front_end` sees the pad in the down camera's pictures."""
+
+    def __init__(self, equipment: Equipment, front_end: FrontEnd | None = None) -> None:
+        """Waits for the first samples."""
+        self._equipment = equipment
+        self._front_end = front_end
+        self._attitude = AttitudeFilter(equipment)
+        self._period = 1.0 / equipment.sensors["imu"].rate
+        self._altitude: AltitudeFilter
+        self._position: PositionFilter
+        self._started = False
+        self._time = 0.0
+        self._refused: Counter[str] = Counter()
+        self._detections: list[PadSample] = []
+        self._overlay: Floats | None = None
+        self._correct = False  # whether something waits to act
+        self._aligned = False  # whether there is an attitude
+        self._waiting: list[Callable[[], None]] = []  # samples that need one
+        self._moved = False  # whether an inertial sample came with this update
+        sensors = equipment.sensors
+        self._sonar = sensors.get("sonar")
+        self._gps = sensors.get("gps")
+        self._baro = sensors.get("baro")
+        self._down = equipment.cameras.get("down")
+        self._handlers: Mapping[type, Callable[[Any], None]] = {
+            ImuSample: self._take_imu,
+            MagSample: self._take_mag,
+            BaroSample: self._take_baro,
+            GpsSample: self._take_gps,
+            SonarSample: self._take_sonar,
+            RotorSample: self._take_rotor,
+            PadSample: self._take_pad,
+            HorizonSample: self._take_horizon,
+            Frame: self._take_frame,
+        }
+
+    @property
+    def detections(self) -> Sequence[PadSample]:
+        """The sightings of the pad that came in with the last update."""
+        return self._detections
+
+    @property
+    def overlay(self) -> Floats | None:
+        """(N, 2) [px] outline of the mark in the last picture, None where it was not found."""
+        return self._overlay
+
+    @property
+    def rejected(self) -> Mapping[str, int]:
+        """Samples by topic that were not used: not finite, too late, from the future, repeated, or beyond the gate."""
+        counts = Counter(self._refused)
+        if self._started:
+            high, side = self._altitude.kalman.rejected, self._position.kalman.rejected
+            counts["baro"] += int(high[altitude.BARO])
+            counts["sonar"] += int(high[altitude.SONAR])
+            counts["gps"] += int(high[[altitude.GPS, altitude.GPS_CLIMB]].sum() + side[: position.VISION_1].sum())
+            counts["pad"] += int(high[altitude.VISION] + side[position.VISION_1 :].sum())
+        return MappingProxyType({topic: count for topic, count in counts.items() if count})
+
+    @property
+    def mode(self) -> altitude.Mode:
+        """Which set of height measurements is in use."""
+        return self._altitude.mode
+
+    def update(self, measurements: Sequence[Measurement]) -> StateEstimate:
+        """Take in what arrived since the last call, one period of the inertial sensor ago; the state now."""
+        if not self._started:
+            self._start(measurements)
+        self._detections = []
+        self._moved = False
+        handlers = self._handlers
+        for measurement in measurements:
+            handlers[type(measurement)](measurement)
+        if not self._aligned and self._attitude.memory["aligned"][0]:
+            self._aligned = True
+            for action in self._waiting:
+                action()
+            self._waiting.clear()
+        if not self._moved:
+            self._time += self._period
+            _coast(self._attitude.memory, self._altitude.kalman.memory, self._position.kalman.memory, self._time)
+        elif self._correct:
+            self._altitude.kalman.refresh()
+            self._position.kalman.refresh()
+        self._correct = False
+        return self._estimate()
+
+    def _start(self, measurements: Sequence[Measurement]) -> None:
+        stamps = [m.t for m in measurements if isinstance(m, ImuSample) and math.isfinite(m.t)]
+        if not stamps:
+            late = [getattr(m, "t_arrival", m.t) for m in measurements]
+            stamps = [max([t for t in late if math.isfinite(t)], default=0.0)]
+        t = stamps[0] - BEFORE
+        self._altitude = AltitudeFilter(AltitudeNoise.of(self._equipment), t)
+        self._position = PositionFilter(PositionNoise.of(self._equipment), t)
+        self._time = stamps[0] - self._period
+        self._attitude.memory["t"] = self._time
+        self._started = True
+
+    def _estimate(self) -> StateEstimate:
+        row = _report(self._attitude.memory, self._altitude.kalman.memory, self._position.kalman.memory)
+        _, _, up, *_ = numbers = row.tolist()
+        tail = numbers[25:]
+        high = self._altitude
+        high.height, high.deviation, high.height_time = up, numbers[18], tail[3] - tail[6]
+        return StateEstimate(
+            tail[3], row[0:3], row[3:6], row[6:9], row[9:13], tail[0], tail[1], tail[2], row[13:16], tail[4],
+            row[16:19], row[19:22], row[22:25], tail[5], tail[6],
+        )  # fmt: skip
+
+    def _waits(self, action: Callable[[], None]) -> bool:
+        """Put off what needs an attitude until there is one; False when there is."""
+        if self._aligned:
+            return False
+        self._waiting.append(action)
+        return True
+
+    def _refuse(self, topic: str) -> None:
+        self._refused[topic] += 1
+
+    def _take_imu(self, s: ImuSample) -> None:
+        t, fx, fy, fz, wx, wy, wz = s
+        ahead = t - self._time
+        if not (math.isfinite(fx + fy + fz + wx + wy + wz) and 1e-6 < ahead < LONGEST_GAP):
+            self._refuse("imu")
+            return
+        _inertial(
+            self._attitude.memory, self._altitude.kalman.memory, self._position.kalman.memory,
+            t, fx, fy, fz, wx, wy, wz,
+        )  # fmt: skip
+        self._time = t
+        self._moved = True
+
+    def _take_mag(self, s: MagSample) -> None:
+        t, mx, my, mz = s
+        if not math.isfinite(t + mx + my + mz) or t > self._time + AHEAD:
+            self._refuse("mag")
+            return
+        correct_azimuth(self._attitude.memory, t, mx, my, mz)
+
+    def _take_rotor(self, s: RotorSample) -> None:
+        if not math.isfinite(s.t + s.speed) or s.speed < 0.0:
+            self._refuse("rotor")
+            return
+        self._attitude.memory["rotor_speed"] = s.speed
+
+    def _take_baro(self, s: BaroSample) -> None:
+        device = self._baro
+        if device is None or not math.isfinite(s.altitude):
+            self._refuse("baro")
+            return
+        x, y, z = device.position
+        q0, q1, q2, q3 = self._attitude.memory["q"][0].tolist()
+        port = 2.0 * (q1 * q3 - q0 * q2) * x + 2.0 * (q2 * q3 + q0 * q1) * y + (1.0 - 2.0 * (q1 * q1 + q2 * q2)) * z
+        # a first-order lag shows what was `lag` ago
+        if not self._altitude.baro(s.t - device["lag"], s.altitude - port):
+            self._refuse("baro")
+        self._correct = True
+
+    def _take_gps(self, s: GpsSample) -> None:
+        device = self._gps
+        if device is None or not s.valid or not math.isfinite(s.t + s.e + s.n + s.u + s.ve + s.vn + s.vu):
+            self._refuse("gps")
+            return
+        if self._waits(lambda: self._take_gps(s)):
+            return
+        dilution = s.hdop / device["hdop"] if math.isfinite(s.hdop) and s.hdop > 0.0 else 1.0
+        e, n, u, ve, vn, vu = antenna(
+            self._attitude.memory, s.t, s.e, s.n, s.u, s.ve, s.vn, s.vu, device.position
+        )  # fmt: skip
+        taken = self._position.gps(s.t, e, n, ve, vn, dilution)
+        if not (self._altitude.gps(s.t, u, vu, dilution) and taken):
+            self._refuse("gps")
+        self._correct = True
+
+    def _take_sonar(self, s: SonarSample) -> None:
+        device = self._sonar
+        if device is None or not math.isfinite(s.t) or (s.valid and not math.isfinite(s.range)):
+            self._refuse("sonar")
+            return
+        distance = s.range if s.valid else math.nan
+        height, lever = ranger(self._attitude.memory, distance, device.position, device["beam_half_angle"])
+        share = math.hypot(device["noise_share"], device["scale_std"])
+        variance = (share * distance) ** 2 + 0.1 * device["resolution"] ** 2 + GRAIN**2
+        if not self._altitude.sonar(s.t, height, variance if s.valid else 1.0, lever):
+            self._refuse("sonar")
+        self._correct = True
+
+    def _take_pad(self, s: PadSample) -> None:
+        if not math.isfinite(s.std_x + s.std_y + s.std_z):
+            self._refuse("pad")
+            return
+        self._see(s, np.diag([s.std_x**2, s.std_y**2, s.std_z**2]))
+
+    def _take_horizon(self, s: HorizonSample) -> None:
+        """Not used: the inertial attitude with its aid is better than a horizon over hills."""
+
+    def _take_frame(self, frame: Frame) -> None:
+        front_end, camera = self._front_end, self._down
+        if frame.camera != "down" or front_end is None or camera is None or not self._aligned:
+            return
+        if not math.isfinite(frame.t) or frame.t > self._time + AHEAD:
+            self._refuse("frames")
+            return
+        q = self._attitude.at(frame.t)
+        seen = front_end.see(frame.image, q, self._prediction(frame.t, q))
+        self._overlay = None if seen is None else seen.outline
+        if seen is None:
+            return
+        sample = PadSample(
+            frame.t, frame.t_arrival, *seen.position.tolist(), seen.angle, *seen.std_position.tolist(),
+            seen.std_angle, seen.quality, seen.source,
+        )  # fmt: skip
+        self._see(sample, np.ascontiguousarray(seen.covariance[:3, :3]))
+
+    def _see(self, s: PadSample, covariance: Floats) -> None:
+        """One sighting with its covariance (3, 3) in camera axes [m^2]."""
+        self._detections.append(s)
+        if self._waits(lambda: self._fuse(s, covariance)):
+            return
+        self._fuse(s, covariance)
+
+    def _fuse(self, s: PadSample, covariance: Floats) -> None:
+        camera = self._down
+        if camera is None or not math.isfinite(s.t + s.x + s.y + s.z) or s.z <= 0.0 or s.t > self._time + AHEAD:
+            self._refuse("pad")
+            return
+        memory = self._attitude.memory
+        e, n, u, c_ee, c_en, c_nn, c_uu = pad_in_world(
+            memory, s.t, s.x, s.y, s.z, covariance, camera.mount.position, camera.mount.axes, GRAIN, SCALE
+        )
+        above = self._altitude.vision(s.t, u, c_uu)
+        if not (self._position.vision(s.t, e, n, c_ee, c_en, c_nn, u) and above):
+            self._refuse("pad")
+        elif math.isfinite(s.angle + s.std_angle) and s.std_angle > 0.0:
+            correct_axis(memory, s.t, s.angle, s.std_angle)
+        self._correct = True
+
+    def _prediction(self, t: float, q: Floats) -> PadPrediction | None:
+        """Where the mark should be at the time of a picture, taken with the attitude `q`."""
+        camera = self._down
+        assert camera is not None
+        side, side_p = self._position.kalman.state_at(t)
+        high, high_p = self._altitude.kalman.state_at(t)
+        height = float(high[altitude.H])
+        lever = height**2 * np.diag(side_p)[position.D_E : position.A_E]
+        variance = np.append(np.diag(side_p)[:2] + lever, high_p[altitude.H, altitude.H])
+        if np.max(variance) > 25.0:
+            return None
+        to_camera = (matrix(q) @ camera.mount.axes).T
+        there = to_camera @ -np.append(side[:2] + height * side[position.D_E : position.A_E], height)
+        there -= camera.mount.axes.T @ camera.mount.position
+        _, _, heading = angles(q)
+        std_heading = math.sqrt(float(self._attitude.memory["variance_heading"][0]))
+        return PadPrediction(
+            position=there,
+            angle=math.pi / 2 - (math.pi / 2 + heading) % math.pi,
+            std_position=np.sqrt(to_camera**2 @ variance),
+            std_angle=std_heading,
+        )
