@@ -58,7 +58,7 @@ def candidates(
     out: they may be cut.
     """
     contours, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    if hierarchy is None:
+    if len(contours) == 0:
         return []
     outer = hierarchy.reshape(-1, 4)[:, 3] < 0
     # an outline of area A is at least as long as that of a disc
@@ -86,5 +86,5 @@ def candidates(
             continue
         value = mismatch(affine_invariants(central_moments(filled)), template.invariants)
         if value <= worst:
-            found.append(Candidate(contour, (x, y, x + w, y + h), pixels, value))
+            found.append(Candidate(np.asarray(contour, np.int32), (x, y, x + w, y + h), pixels, value))
     return sorted(found, key=lambda candidate: candidate.mismatch)

@@ -10,58 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.vision.edges import GUARD, KERNEL, edge_offsets
-from estimators.vision.pose import LevelAxes, MarkPose, directions, project_with_slopes
+from estimators.vision.edges import KERNEL, edge_offsets
+from estimators.vision.outline import OutlineSamples, choose, view
+from estimators.vision.pose import LevelAxes, MarkPose
+from estimators.vision.robust import NOISE_FLOOR, solve
 from flightlog.camera import CameraModel
 
 Floats = NDArray[np.float64]
 
-SPACING = 1.5  # [px] least distance of edge points
-MOST_PER_EDGE = 40
 SHARED = 1.06  # growth of the noise because neighbouring profiles share pixels (measured: NEES of 400 pictures)
-CORNER_MARGIN = 3.0  # [px] blur rounds corners, which pulls edges near them inwards
-NOISE_FLOOR = 0.05  # [px] no edge is better known than this
 NARROW = 3.0  # [px] search once the pose is close
 HOPELESS = 1.8  # [px] spread of the edges after two steps; chance edges within the narrow search give 2.2
 VAGUE = np.array([10.0, 10.0, 10.0, 3.0])  # [m, rad] standard deviation of what the picture leaves open
-
-
-@dataclass(frozen=True, eq=False)
-class OutlineSamples:
-    """Points along a mark's outline, mark axes [m]."""
-
-    points: Floats  # (N, 2)
-    tangents: Floats  # (N, 2) unit
-    normals: Floats  # (N, 2) unit, outward
-    edge: NDArray[np.intp]  # (N,) number of the edge
-    to_corner: Floats  # (N,) distance to the nearer end of the edge
-    along: NDArray[np.intp]  # (N,) place along its edge, counted
-
-    @classmethod
-    def of(cls, outline: Floats, per_edge: int = 64) -> "OutlineSamples":
-        """Samples of a closed outline (M, 2), counter-clockwise."""
-        ends = np.roll(outline, -1, axis=0)
-        sides = ends - outline
-        lengths = np.linalg.norm(sides, axis=1)
-        units = sides / lengths[:, None]
-        t = (np.arange(per_edge) + 0.5) / per_edge
-        points = outline[:, None, :] + t[None, :, None] * sides[:, None, :]
-        tangents = np.repeat(units, per_edge, axis=0)
-        return cls(
-            points.reshape(-1, 2),
-            tangents,
-            np.column_stack([tangents[:, 1], -tangents[:, 0]]),
-            np.repeat(np.arange(len(outline)), per_edge),
-            (np.minimum(t, 1.0 - t)[None, :] * lengths[:, None]).ravel(),
-            np.tile(np.arange(per_edge), len(outline)),
-        )
-
-    def take(self, keep: NDArray[np.bool_]) -> "OutlineSamples":
-        """The samples (N,) kept."""
-        return OutlineSamples(
-            self.points[keep], self.tangents[keep], self.normals[keep],
-            self.edge[keep], self.to_corner[keep], self.along[keep],
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,87 +36,6 @@ class EdgeFit:
     expected: int  # edge points of the model in the picture
     contrast: float  # [grey levels] mark minus surroundings
     bleed: float  # [px] common outward shift
-
-
-@dataclass(frozen=True, eq=False)
-class _View:
-    """The samples as the pose would show them."""
-
-    pixels: Floats  # (N, 2)
-    normals: Floats  # (N, 2) unit, outward in the picture
-    jacobian: Floats  # (N, 7) of the offset along the normal by x, y, z, angle, tilt x, tilt y, bleed
-    pitch: Floats  # (N,) [px/m] along the edge
-
-
-def _view(samples: OutlineSamples, camera: CameraModel, pose: MarkPose, level: LevelAxes) -> _View:
-    x_axis, y_axis = directions(pose, level)
-    basis = np.stack([x_axis, y_axis])
-    arms = samples.points @ basis
-    points = pose.position + arms
-    ahead = points[:, 2] > 1e-3
-    points = np.where(ahead[:, None], points, [0.0, 0.0, 1.0])
-    pixels, slopes = project_with_slopes(camera, points)
-    pixels[~ahead] = np.nan
-    tangent = (slopes @ (samples.tangents @ basis)[:, :, None])[:, :, 0]
-    outward = (slopes @ (samples.normals @ basis)[:, :, None])[:, :, 0]
-    pitch = np.linalg.norm(tangent, axis=1)
-    normal = np.column_stack([tangent[:, 1], -tangent[:, 0]]) / np.maximum(pitch, 1e-12)[:, None]
-    normal *= np.where(np.sum(normal * outward, axis=1) < 0.0, -1.0, 1.0)[:, None]
-    by_point = (normal[:, None, :] @ slopes)[:, 0, :]
-    # growing angle turns the mark's y towards level right, its x away from level forward
-    by_angle = samples.points[:, :1] * -y_axis + samples.points[:, 1:] * x_axis
-    jacobian = np.empty((len(arms), 7))
-    jacobian[:, :3] = by_point
-    jacobian[:, 3] = np.sum(by_point * by_angle, axis=1)
-    # e x arm for the camera's x and y axes
-    jacobian[:, 4] = by_point[:, 2] * arms[:, 1] - by_point[:, 1] * arms[:, 2]
-    jacobian[:, 5] = by_point[:, 0] * arms[:, 2] - by_point[:, 2] * arms[:, 0]
-    jacobian[:, 6] = 1.0
-    return _View(pixels, normal, jacobian, pitch)
-
-
-def _choose(samples: OutlineSamples, camera: CameraModel, pose: MarkPose, level: LevelAxes) -> OutlineSamples:
-    """The samples that can be measured: in the picture, off the corners, far enough apart for independent noise."""
-    view = _view(samples, camera, pose, level)
-    seen = camera.contains(view.pixels, GUARD) & (samples.to_corner * view.pitch >= CORNER_MARGIN)
-    if not seen.any():
-        return samples.take(seen)
-    edges = int(samples.edge.max()) + 1
-    number = np.bincount(samples.edge[seen], minlength=edges)
-    # pixels from one sample to the next, mean along each edge
-    spacing = np.bincount(samples.edge[seen], weights=view.pitch[seen], minlength=edges) / np.maximum(number, 1)
-    per_edge = len(samples.edge) / edges
-    lengths = np.bincount(samples.edge, weights=samples.to_corner, minlength=edges) * 4.0 / per_edge
-    spacing *= lengths / per_edge
-    stride = np.ceil(np.maximum(SPACING / np.maximum(spacing, 1e-9), number / MOST_PER_EDGE)).astype(int)
-    stride = np.clip(stride, 1, None)[samples.edge]
-    return samples.take(seen & (samples.along % stride == stride // 2))
-
-
-def _weights(residuals: Floats, scale: float, redescending: bool) -> Floats:
-    ratio = np.abs(residuals) / scale
-    if redescending:  # Tukey
-        return np.asarray(np.where(ratio < 4.685, (1.0 - (ratio / 4.685) ** 2) ** 2, 0.0))
-    return np.asarray(1.345 / np.maximum(ratio, 1.345))  # Huber
-
-
-def _spread(residuals: Floats) -> float:
-    middle = len(residuals) // 2
-    return max(NOISE_FLOOR, 1.4826 * float(np.partition(np.abs(residuals), middle)[middle]))
-
-
-def _solve(jacobian: Floats, offsets: Floats, precision: Floats, to_prior: Floats) -> tuple[Floats, Floats, float]:
-    """Robust step (7,), the residuals it leaves (N,) and their scale [px]."""
-    residuals: Floats = offsets - float(np.median(offsets))
-    step = np.zeros(len(precision))
-    scale = 1.0
-    for rounds in range(5):
-        scale = _spread(residuals)
-        weights = _weights(residuals, scale, rounds > 1) / scale**2
-        normal = (jacobian * weights[:, None]).T @ jacobian + np.diag(precision)
-        step = np.linalg.solve(normal, (jacobian * weights[:, None]).T @ offsets + precision * to_prior)
-        residuals = np.asarray(offsets - jacobian @ step)
-    return step, residuals, scale
 
 
 def fit_outline(
@@ -185,18 +64,18 @@ def fit_outline(
     precision = 1.0 / prior**2
     total = np.zeros(7)  # what the steps add up to
     pose, axes = start, level
-    chosen = _choose(samples, camera, pose, axes)
+    chosen = choose(samples, camera, pose, axes)
     moved, search = 0.0, reach
     for iteration in range(iterations):
         if moved > 2.0:
-            chosen = _choose(samples, camera, pose, axes)
+            chosen = choose(samples, camera, pose, axes)
         if len(chosen.points) < least_points:
             return None
-        view = _view(chosen, camera, pose, axes)
-        at = view.pixels + total[6] * view.normals
-        offsets, heights = edge_offsets(image, at, view.normals, search, float(polarity or 1), KERNEL)
+        shown = view(chosen, camera, pose, axes)
+        at = shown.pixels + total[6] * shown.normals
+        offsets, heights = edge_offsets(image, at, shown.normals, search, float(polarity or 1), KERNEL)
         if polarity == 0:
-            others = edge_offsets(image, at, view.normals, search, -1.0, KERNEL)
+            others = edge_offsets(image, at, shown.normals, search, -1.0, KERNEL)
             polarity = 1 if heights.sum() >= others[1].sum() else -1
             if polarity < 0:
                 offsets, heights = others
@@ -206,8 +85,8 @@ def fit_outline(
         good &= heights > 0.3 * np.percentile(heights[good], 75)
         if good.sum() < least_points:
             return None
-        jacobian = view.jacobian[good]
-        step, residuals, scale = _solve(jacobian, offsets[good], precision, -total)
+        jacobian = shown.jacobian[good]
+        step, residuals, scale = solve(jacobian, offsets[good], precision, -total)
         if iteration > 1 and scale > HOPELESS:
             return None
         change = jacobian @ step

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.vision.contours import Candidate, ShapeTemplate, candidates
-from estimators.vision.edge_fit import EdgeFit, OutlineSamples, fit_outline
+from estimators.vision.edge_fit import EdgeFit, fit_outline
+from estimators.vision.outline import OutlineSamples
 from estimators.vision.pose import (
     LevelAxes,
     MarkPose,
@@ -67,11 +68,18 @@ class HMarkFrontEnd:
         *,
         variant: Literal["helideck"] = "helideck",
         tilt_std: float = math.radians(0.3),
+        scale_std: float = 5e-4,
+        pixel_std: float = 0.03,
     ) -> None:
-        """tilt_std [rad]: how well roll and pitch are known; large where the tilt is to be solved from the picture."""
+        """What the pictures cannot tell about themselves, as standard deviations that enter the answer's covariance.
+
+        tilt_std [rad] of roll and pitch, large where the tilt is to be solved from the picture; scale_std [1] of focal
+        length and mark's size; pixel_std [px] of the place of all edges together (principal point, texture filter).
+        """
         if variant != "helideck":
             raise ValueError(f"variant: no front end named {variant!r}; there is 'helideck'")
         self.camera, self.mount, self.mark, self.tilt_std = camera, mount, mark, tilt_std
+        self.scale_std, self.pixel_std = scale_std, pixel_std
         outline = mark.outline()
         self._outline = outline
         self._samples = OutlineSamples.of(outline)
@@ -301,14 +309,15 @@ class HMarkFrontEnd:
         corners = self.camera.project(place(self._outline, fit.pose, fit.level))
         inside = self.camera.contains(self.camera.project(place(self._inside, fit.pose, fit.level)), -0.5)
         visible = float(np.mean(inside))
-        std = np.sqrt(np.diag(fit.covariance))
+        covariance = fit.covariance + self._systematic(fit.pose.position)
+        std = np.sqrt(np.diag(covariance))
         quality = fit.used / fit.expected * min(1.0, 0.3 / max(fit.residual, 1e-6))
         return PadSighting(
             position=fit.pose.position,
             angle=wrap_axis(fit.pose.angle),
             std_position=std[:3],
             std_angle=float(std[3]),
-            covariance=fit.covariance,
+            covariance=covariance,
             quality=float(min(quality, 1.0)),
             visible=visible,
             outline=corners,
@@ -317,3 +326,10 @@ class HMarkFrontEnd:
             residual=fit.residual,
             contrast=fit.contrast,
         )
+
+    def _systematic(self, position: Floats) -> Floats:
+        """Covariance (4, 4) of what does not average out over a picture's edges."""
+        along = np.append(self.scale_std * position, 0.0)  # a wrong scale moves the mark along its ray
+        per_pixel = position[2] / np.array([self.camera.fx, self.camera.fy])
+        across = np.array([per_pixel[0], per_pixel[1], 0.0, per_pixel[0] / self._size])
+        return np.asarray(np.outer(along, along) + np.diag((self.pixel_std * across) ** 2))

@@ -69,4 +69,4 @@ def above(grey: Image, level: int, *, below: bool = False) -> Image:
 def local_mask(grey: Image, window: int, margin: float) -> Image:
     """Mask (H, W), 255 where a pixel is `margin` [grey levels] above the mean of its window [px]: uneven light."""
     mean = cv2.blur(grey, (window, window), borderType=cv2.BORDER_REPLICATE)
-    return np.asarray(cv2.compare(grey, cv2.add(mean, float(margin)), cv2.CMP_GT), np.uint8)
+    return np.asarray(cv2.compare(grey, cv2.add(mean, np.full(1, margin)), cv2.CMP_GT), np.uint8)
