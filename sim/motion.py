@@ -1,7 +1,8 @@
 """One physics tick of the model: the vehicle's motion in, the generalised force on its free joint out."""
 
+import math
+
 import numba
-import numpy as np
 from numba import types
 
 from flightlog.atmosphere import density_at
@@ -55,6 +56,36 @@ def advance(  # type: ignore[no-untyped-def]
         qfrc[3 + axis] = s.moment[axis]
 
 
-def finite(qpos: np.ndarray, qvel: np.ndarray) -> bool:
+@numba.njit(cache=True)
+def observe(  # type: ignore[no-untyped-def]
+    qpos, qvel, since, gravity, position, quaternion, rotation, velocity, rates, specific_force, angular_acceleration
+):
+    """Bring what is known of the motion up to qpos (7,), qvel (6,), `since` [s] after it was last brought up.
+
+    Specific force (3,) [m/s^2] and angular acceleration (3,) [rad/s^2] are means over that time in body axes: what an
+    integrating IMU sees, and free of the integrator's internals.
+    """
+    r = matrix(qpos[3:7])
+    rotation[:] = r
+    fx = (qvel[0] - velocity[0]) / since
+    fy = (qvel[1] - velocity[1]) / since
+    fz = (qvel[2] - velocity[2]) / since + gravity
+    for axis in range(3):
+        specific_force[axis] = fx * r[0, axis] + fy * r[1, axis] + fz * r[2, axis]
+        angular_acceleration[axis] = (qvel[3 + axis] - rates[axis]) / since
+        position[axis] = qpos[axis]
+        velocity[axis] = qvel[axis]
+        rates[axis] = qvel[3 + axis]
+    for i in range(4):
+        quaternion[i] = qpos[3 + i]
+
+
+@numba.njit(cache=True)
+def finite(qpos, qvel, rotor_speed):  # type: ignore[no-untyped-def]
     """Whether the state is still one of numbers."""
-    return bool(np.isfinite(qpos).all() and np.isfinite(qvel).all())
+    total = rotor_speed
+    for value in qpos:
+        total += value
+    for value in qvel:
+        total += value
+    return math.isfinite(total)

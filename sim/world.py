@@ -24,7 +24,7 @@ from sim import sensors
 from sim.cameras.request import FrameRequest
 from sim.light import Light
 from sim.linearisation import Trim, trim
-from sim.motion import advance, finite
+from sim.motion import advance, finite, observe
 from sim.pipeline import Pipeline
 from sim.randomness import generator
 from sim.scene import CompiledScene, compose
@@ -116,6 +116,8 @@ class World:
         self.cameras = dict(vehicle.cameras if cameras is None else cameras)
         self.scene = compose(vehicle.model, scene, mark, self.cameras, self.light, timestep=TICK, dip=dip)
         self.model = self.scene.model()
+        # MuJoCo would start over from its own initial state where it meets a NaN; `_check` is to see it
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self.data = mujoco.MjData(self.model)
         self._body = self.model.body("vehicle").id
         self._hinges = [self.model.joint(name).dofadr[0] for name in ("main_rotor", "tail_rotor")]
@@ -211,6 +213,7 @@ class World:
             mujoco.mj_step(self.model, self.data)
             self.tick += 1
             self._sample()
+        self._set_mass()
         self._touch()
         self._check()
 
@@ -337,26 +340,20 @@ class World:
     def _look(self) -> None:
         """Bring the truth up to this tick."""
         truth = self.truth
-        t = self.tick * TICK
-        since = t - truth.t
         signals = self.signals
-        truth.position[:] = self._qpos[:3]
-        truth.quaternion[:] = self._qpos[3:7]
-        truth.rotation = rotation = matrix(self._qpos[3:7])
-        # means since the last look: what an integrating IMU sees, and free of the integrator's internals
-        acceleration = (self._qvel[:3] - truth.velocity) / since
-        acceleration[2] += GRAVITY
-        truth.specific_force = acceleration @ rotation
-        truth.angular_acceleration = (self._qvel[3:6] - truth.rates) / since
-        truth.velocity[:] = self._qvel[:3]
-        truth.rates[:] = self._qvel[3:6]
+        t = self.tick * TICK
+        observe(
+            self._qpos, self._qvel, t - truth.t, GRAVITY, truth.position, truth.quaternion, truth.rotation,
+            truth.velocity, truth.rates, truth.specific_force, truth.angular_acceleration,
+        )  # fmt: skip
         truth.t = t
         truth.rotor_speed = float(signals["rotor_speed"])
         truth.thrust = float(signals["thrust"])
         truth.inflow = float(signals["inflow"])
         truth.wind[:] = self._air
-        truth.pressure = pressure_at(self._qpos[2], self.weather.pressure, self.weather.temperature)
-        truth.temperature = temperature_at(self._qpos[2], self.weather.temperature)
+        height = float(self._qpos[2])
+        truth.pressure = pressure_at(height, self.weather.pressure, self.weather.temperature)
+        truth.temperature = temperature_at(height, self.weather.temperature)
 
     def _expose(self, camera: str) -> None:
         """Have a picture taken of this instant; it is fetched when it arrives."""
@@ -392,8 +389,7 @@ class World:
 
     def _check(self) -> None:
         """Stop where the physics has left the numbers, and say so."""
-        bad = self.data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number
-        if bad or not finite(self._qpos, self._qvel) or not math.isfinite(self.signals["rotor_speed"]):
+        if not finite(self._qpos, self._qvel, float(self.signals["rotor_speed"])):
             last = self.truth
             raise SimulationDiverged(
                 f"the physics left the numbers at t = {self.t:.3f} s; last sound state: position "
