@@ -55,7 +55,7 @@ class Flight:
     startup_s: float  # compiling, trim, OpenGL
     real_time_factor: float
     renderer: str | None  # None: flown without cameras
-    shares: dict[str, float]  # of wall_s, by what took it
+    shares: dict[str, float]  # of wall_s, by what took it; the renderer's process goes on beside the others
     folder: Path | None
 
 
@@ -118,6 +118,10 @@ def fly(
         def concluded(reason: str) -> Flight:
             summary = _judge(scenario, world, crew.pilot, observer, reason)
             watch.lap("logging")
+            renderer = world.eyes if isinstance(world.eyes, RenderProcess) else None
+            shares = watch.shares()
+            if renderer is not None and watch.total:
+                shares["renderer process"] = renderer.busy_s / watch.total
             flight = Flight(
                 scenario=name,
                 seed=(seed,) if isinstance(seed, int) else seed,
@@ -126,8 +130,8 @@ def fly(
                 wall_s=watch.total,
                 startup_s=startup,
                 real_time_factor=summary.duration_s / watch.total if watch.total else 0.0,
-                renderer=world.eyes.renderer if isinstance(world.eyes, RenderProcess) else None,
-                shares=watch.shares(),
+                renderer=renderer.renderer if renderer is not None else None,
+                shares=shares,
                 folder=folder,
             )
             recording.conclude(asdict(flight))
@@ -199,7 +203,7 @@ def _loop(
         world.step(controls)
         watch.lap("physics")
         measurements = world.measure()
-        watch.lap("rendering")
+        watch.lap("waiting for pictures")
         state = navigator.update(measurements)
         watch.lap("navigator")
         flown = controls
