@@ -65,6 +65,7 @@ class Pilot:
         wx, wy, wz = state.rates.tolist()
         if self._reference is None:
             self._reference = HeightReference(height, climb)
+            self._velocity.take_over(ve, vn, state.roll, state.pitch, state.heading)
             if self._heading is None:
                 self._heading = state.heading
         assert self._heading is not None

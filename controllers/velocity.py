@@ -34,8 +34,16 @@ class VelocityLoop:
         self._gains = gains
         self._steady_e = 0.0  # [m/s^2] integral part
         self._steady_n = 0.0
-        self._smooth_e: float | None = None  # [m/s] velocity, low-passed, for the acceleration
+        self._smooth_e = 0.0  # [m/s] velocity, low-passed, for the acceleration
         self._smooth_n = 0.0
+
+    def take_over(self, ve: float, vn: float, roll: float, pitch: float, heading: float) -> None:
+        """Begin from a steady flight: what it leans by now [rad] is taken for what the wind asks for."""
+        right = GRAVITY * math.tan(roll - self._gains.trim_roll)
+        forward = -GRAVITY * math.tan(pitch - self._gains.trim_pitch)
+        sine, cosine = math.sin(heading), math.cos(heading)
+        self._smooth_e, self._smooth_n = ve, vn
+        self._hold_within(forward * sine + right * cosine, forward * cosine - right * sine)
 
     def update(
         self,
@@ -55,8 +63,6 @@ class VelocityLoop:
         integral rests.
         """
         gains = self._gains
-        if self._smooth_e is None:
-            self._smooth_e, self._smooth_n = ve, vn
         lag_e, lag_n = ve - self._smooth_e, vn - self._smooth_n
         self._smooth_e += SAMPLE_TIME / ACCELERATION_LAG * lag_e
         self._smooth_n += SAMPLE_TIME / ACCELERATION_LAG * lag_n
@@ -66,17 +72,21 @@ class VelocityLoop:
         size, most = math.hypot(ae, an), GRAVITY * math.tan(tilt_limit)
         if size > most:
             share = most / size
-            ae, an, error_e, error_n = ae * share, an * share, error_e * share, error_n * share
+            ae, an = ae * share, an * share
+            share = min(2.0 * share, 1.0)  # a larger error does not make the integral faster still
+            error_e, error_n = error_e * share, error_n * share
             # at the limit, the integral rests while the limit does its work, and acts where it does not
             obeyed = (ae * lag_e + an * lag_n) / ACCELERATION_LAG
             hold = hold or obeyed > OBEYED * most * most
         if not hold:
             step = gains.integral * SAMPLE_TIME
-            steady_e, steady_n = self._steady_e + step * error_e, self._steady_n + step * error_n
-            share = min(1.0, gains.integral_limit / max(math.hypot(steady_e, steady_n), 1e-9))
-            self._steady_e, self._steady_n = share * steady_e, share * steady_n
+            self._hold_within(self._steady_e + step * error_e, self._steady_n + step * error_n)
         ae += self._steady_e
         an += self._steady_n
         sine, cosine = math.sin(heading), math.cos(heading)
         forward, right = ae * sine + an * cosine, ae * cosine - an * sine
         return level * gains.trim_roll + math.atan(right / GRAVITY), gains.trim_pitch - math.atan(forward / GRAVITY)
+
+    def _hold_within(self, steady_e: float, steady_n: float) -> None:
+        share = min(1.0, self._gains.integral_limit / max(math.hypot(steady_e, steady_n), 1e-9))
+        self._steady_e, self._steady_n = share * steady_e, share * steady_n
