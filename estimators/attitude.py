@@ -1,4 +1,4 @@
-"""Attitude from rates, specific force and magnetic field: a complementary filter with a proportional and an integral way.
+"""Attitude from rates, specific force and magnetic field: a complementary filter with proportional and integral way.
 
 The rates are integrated (quaternion, trapezoidal rule); what the other sensors say of the error turns the estimate
 slowly back and, slower still, corrects the gyroscopes' bias (Mahony, Hamel, Pflimlin 2008, equation 48).

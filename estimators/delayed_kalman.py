@@ -59,7 +59,7 @@ class LinearModel:
 def _memory_type(n: int, inputs: int, components: int, topics: int, epochs: int) -> np.dtype:
     """One record with all that the filter remembers."""
     square, rows = (n, n), (n, inputs)
-    model = [(name, "f8", square) for name in ("a1", "a2", "a3", "q1", "q2", "q3", "w1", "w2", "w3")]
+    model: list[tuple[str, str, tuple[int, ...]]] = [(name, "f8", square) for name in ("a1", "a2", "a3", "q1", "q2", "q3", "w1", "w2", "w3")]
     model += [(name, "f8", rows) for name in ("g1", "g2", "g3")]
     model += [(name, "i8", (components,)) for name in ("topic", "patience", "jump", "reference")]
     work = [("x", "f8", (n,)), ("p", "f8", square), ("f", "f8", square), ("fp", "f8", square), ("gain", "f8", (n,))]
@@ -87,7 +87,7 @@ def _propagate(model, work, x, p, u, noise, dt):
     """Bring x (n,), p (n, n) `dt` [s] further, in place; third order in dt."""
     n = x.shape[0]
     f, fp = work.f, work.fp
-    steps = max(1, int(math.ceil(dt / LONGEST_STEP - 1e-9)))
+    steps = max(1, math.ceil(dt / LONGEST_STEP - 1e-9))
     dt = dt / steps
     for _ in range(steps):
         for i in range(n):
@@ -121,7 +121,7 @@ def _propagate(model, work, x, p, u, noise, dt):
 
 @numba.njit(cache=True)
 def _project(p, row, gain):
-    """gain <- P H'; returns H P H'."""
+    """Put P H' into `gain`; returns H P H'."""
     n = row.shape[0]
     total = 0.0
     for i in range(n):
@@ -343,7 +343,8 @@ class DelayedKalman:
         """Starts at `t` [s] with state `x` (n,) and covariance `p` (n, n); remembers so many epochs."""
         a = np.asarray(model.dynamics, float)
         topics = 1 + max(component.topic for component in model.components)
-        self.memory = np.zeros(1, _memory_type(len(a), np.shape(model.inputs)[1], len(model.components), topics, epochs))
+        inputs = np.shape(model.inputs)[1]
+        self.memory = np.zeros(1, _memory_type(len(a), inputs, len(model.components), topics, epochs))
         head = self.memory[0]
         self._ring = head["ring"]
         self._fill(model, a)
@@ -402,6 +403,4 @@ class DelayedKalman:
     def innovations(self) -> Innovations:
         """Of the measurements in memory, in order of time."""
         rows = self.memory["store"][0, : int(self.memory["stored"][0])]
-        return Innovations(
-            rows["t"].copy(), rows["component"].copy(), rows["residual"].copy(), rows["spread"].copy(), rows["weight"].copy()
-        )
+        return Innovations(*(rows[name].copy() for name in ("t", "component", "residual", "spread", "weight")))

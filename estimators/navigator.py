@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from estimators import altitude, position
 from estimators.altitude import AltitudeFilter, AltitudeNoise
-from estimators.attitude import AttitudeFilter, attitude_at, correct_axis, correct_azimuth, propagate
+from estimators.attitude import AttitudeFilter, correct_axis, correct_azimuth, propagate
 from estimators.delayed_kalman import AHEAD, advance_memory
 from estimators.lever_arms import antenna, pad_in_world, ranger
 from estimators.position import PositionFilter, PositionNoise
@@ -55,9 +55,9 @@ AID_FULL, AID_NONE = 0.6, 1.5  # [s] age of the last fix up to which, and from w
 class FrontEnd(Protocol):
     """What sees the pad in a picture."""
 
-    def see(
-        self, image: NDArray[np.uint8], attitude: Floats, prediction: PadPrediction | None
-    ) -> PadSighting | None: ...
+    def see(self, image: NDArray[np.uint8], attitude: Floats, prediction: PadPrediction | None) -> PadSighting | None:
+        """The mark in a picture (H, W) taken with an attitude (4,) wxyz; None where it is not found."""
+        ...
 
 
 @numba.njit(cache=True)
@@ -143,7 +143,7 @@ class Navigator:
         self._time = 0.0
         self._refused: Counter[str] = Counter()
         self._detections: list[PadSample] = []
-        self._overlay: Floats | None = None
+        self._overlays: dict[str, Sequence[Floats]] = {}
         self._correct = False  # whether something waits to act
         self._aligned = False  # whether there is an attitude
         self._waiting: list[Callable[[], None]] = []  # samples that need one
@@ -167,13 +167,13 @@ class Navigator:
 
     @property
     def detections(self) -> Sequence[PadSample]:
-        """The sightings of the pad that came in with the last update."""
+        """What the front end saw in the pictures of the last update."""
         return self._detections
 
     @property
-    def overlay(self) -> Floats | None:
-        """(N, 2) [px] outline of the mark in the last picture, None where it was not found."""
-        return self._overlay
+    def overlays(self) -> Mapping[str, Sequence[Floats]]:
+        """By camera, lines (N, 2) [px] to draw over its last picture: the outline of the mark where it was found."""
+        return self._overlays
 
     @property
     def rejected(self) -> Mapping[str, int]:
@@ -334,18 +334,19 @@ class Navigator:
             return
         q = self._attitude.at(frame.t)
         seen = front_end.see(frame.image, q, self._prediction(frame.t, q))
-        self._overlay = None if seen is None else seen.outline
+        self._overlays["down"] = () if seen is None else (np.vstack([seen.outline, seen.outline[:1]]),)
         if seen is None:
             return
+        x, y, z = seen.position.tolist()
+        std_x, std_y, std_z = seen.std_position.tolist()
         sample = PadSample(
-            frame.t, frame.t_arrival, *seen.position.tolist(), seen.angle, *seen.std_position.tolist(),
-            seen.std_angle, seen.quality, seen.source,
-        )  # fmt: skip
+            frame.t, frame.t_arrival, x, y, z, seen.angle, std_x, std_y, std_z, seen.std_angle, seen.quality, seen.source
+        )
+        self._detections.append(sample)
         self._see(sample, np.ascontiguousarray(seen.covariance[:3, :3]))
 
     def _see(self, s: PadSample, covariance: Floats) -> None:
         """One sighting with its covariance (3, 3) in camera axes [m^2]."""
-        self._detections.append(s)
         if self._waits(lambda: self._fuse(s, covariance)):
             return
         self._fuse(s, covariance)

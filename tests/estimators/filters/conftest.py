@@ -207,7 +207,8 @@ def wander(rng: np.random.Generator, n: int, dt: float, std: float, tau: float) 
 
 def fly(seed: int, recipe: Recipe = Recipe()) -> Flight:
     rng = np.random.default_rng(seed)
-    up = Descent(recipe.height, 0.23, *recipe.descend) if recipe.descend else Descent(recipe.height, recipe.height, 0, 1)
+    low, span = (0.23, recipe.descend) if recipe.descend else (recipe.height, (0.0, 1.0))
+    up = Descent(recipe.height, low, *span)
     calm = Waves(np.zeros(1), np.ones(1), np.zeros(1))
     motion = Motion(
         east=Waves.draw(rng, recipe.sway), north=Waves.draw(rng, recipe.sway), up=up,
@@ -319,7 +320,8 @@ def _pad(
         std = np.array([2e-4 * z + 2e-4, 2e-4 * z + 2e-4, 2e-4 * z + 2e-5 * z**2, 0.0015])
         error = k * std * rng.standard_normal(4)
         angle = math.pi / 2 - (math.pi / 2 + heading[i] - error[3]) % math.pi
-        yield PadSample(a, a + latency, x + error[0], y + error[1], z + error[2], angle, *std.tolist(), 1.0, "synthetic")
+        x, y, z = (seen[i] + error[:3]).tolist()
+        yield PadSample(a, a + latency, x, y, z, angle, *std.tolist(), 1.0, "synthetic")
 
 
 @pytest.fixture(scope="session")
