@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from flightlog.equipment import CameraSpec, Equipment
 from flightlog.errors import UserError
 from flightlog.replay_layout import CHASE, COLOURS, PALETTE, TIMELINE, blueprint
+from flightlog.replay_order import pictures_last
 from flightlog.replay_scene import Mesh, disc, log_cameras, log_scene, visible
 from flightlog.replay_series import RPM, Attitude, Series, height_errors, heights, path, thin
 from flightlog.tables import Table
@@ -56,11 +57,11 @@ class ReplayWriter:
         self.equipment = equipment
         self._spacing = 1.0 / picture_rate - 1e-6
         self._last: dict[str, float] = {}
+        self._closed = False
+        self._layout = blueprint({name: spec.model for name, spec in self.cameras.items()})
         self._rec = rr.RecordingStream("helideck", send_properties=False)
         try:
-            self._rec.save(
-                self.file, default_blueprint=blueprint({name: spec.model for name, spec in self.cameras.items()})
-            )
+            self._rec.save(self.file, default_blueprint=self._layout)
         except RuntimeError as error:
             raise UserError(f"{self.file}: cannot be written: {str(error).splitlines()[0]}") from None
         self._rec.send_recording_name(title)
@@ -132,9 +133,14 @@ class ReplayWriter:
             self._curve("rotor/truth", table["t"], table["speed"] * RPM, COLOURS["truth"], "true")
 
     def close(self) -> None:
-        """Write what is left."""
+        """Write what is left, and put it in an order that is good to read."""
+        if self._closed:
+            return
+        self._closed = True
         self._rec.flush()
         self._rec.disconnect()
+        if self._last:
+            pictures_last(self.file, self._layout, "cameras")
 
     def __enter__(self) -> "ReplayWriter":
         return self

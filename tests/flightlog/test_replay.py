@@ -191,3 +191,19 @@ def test_without_equipment_truth_or_meshes_there_still_is_a_replay(tmp_path, log
         replay.finish(read_flight(logged.folder, truth=False).measured, {})
     entities = {chunk.entity_path for chunk in RrdReader(str(file)).stream().to_chunks()}
     assert {"/world/vehicle", "/world/vehicle/axes", "/height/fusion"} <= entities
+
+
+def test_pictures_come_after_what_moves_so_that_a_viewer_shows_the_scene_at_once(recording):
+    entities = [chunk.entity_path for chunk in RrdReader(str(recording)).stream().to_chunks()]
+    pictures = [entity.startswith("/cameras") for entity in entities]
+    assert any(pictures)
+    assert pictures == sorted(pictures)
+    assert [p.name for p in recording.parent.iterdir()] == ["replay.rrd"]
+
+
+def test_a_recording_that_cannot_be_put_in_order_stays_as_it_was(tmp_path, equipment):
+    file = tmp_path / "replay.rrd"
+    (tmp_path / "replay.rrd.part").mkdir()
+    with ReplayWriter(file, meshes={}, cameras=equipment.cameras) as replay:
+        replay.add_frame("down", 0.0, picture(0))
+    assert any(c.entity_path == "/cameras/down" for c in RrdReader(str(file)).stream().to_chunks())
