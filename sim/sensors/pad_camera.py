@@ -4,11 +4,12 @@ The model is the front end's own statistics. Each pixel of the mark's outline th
 offset along the edge's normal with a standard deviation of `edge_noise`. From these follow the 4 x 4 covariance of
 (x, y, z, angle), with two nuisances that the front end solves for under a prior: the tilt of the attitude that it was
 given, and the bleed that makes a bright mark look larger. A mark cut by the picture's edge therefore loses accuracy
-in just the directions whose edges are gone. For a whole 1 m H at 10 m and 0.1 px the height's deviation is 1.3 mm.
+in just the directions whose edges are gone: there the prediction stands, and the stated deviation is metres. For a
+whole 1 m H at 10 m and 0.1 px the height's deviation is 1.3 mm.
 
-On top come a jitter of the whole mark, white noise of the distance, and a scale error of the flight (the focal length
-is known to no better). `edge_noise`, `centre_noise`, `distance_noise`, `angle_noise` are meant to be fitted to
-rendered flights.
+On top come a jitter of the whole mark, an error of its apparent size that varies slowly (what sub-pixel edges of a
+sampled picture have in common), and a scale error of the flight (the focal length is known to no better).
+`edge_noise`, `centre_noise`, `size_noise` and `angle_noise` are fitted to rendered pictures: benchmarks/pad_camera.py.
 """
 
 import math
@@ -103,24 +104,52 @@ def _information(position, rotation, mount, axes, mark_axis, intrinsics, margin,
 
 
 @numba.njit(cache=True)
-def _solve(information, edge_noise, tilt_std, bleed_std, tilt_x, tilt_y, bleed, normal):
+def _inverse(a):
+    """Inverse of the symmetric positive definite `a`, whose unknowns may differ by many orders of magnitude."""
+    n = a.shape[0]
+    scale = np.empty(n)
+    for i in range(n):
+        scale[i] = 1.0 / math.sqrt(a[i, i])
+    even = np.empty((n, n))
+    for i in range(n):
+        for j in range(n):
+            even[i, j] = a[i, j] * scale[i] * scale[j]
+        even[i, i] += 1e-12
+    root = np.linalg.inv(np.linalg.cholesky(even))
+    inverse = root.T @ root  # never a negative variance
+    for i in range(n):
+        for j in range(n):
+            inverse[i, j] *= scale[i] * scale[j]
+    return inverse
+
+
+@numba.njit(cache=True)
+def _solve(
+    information, edge_noise, predicted_std, predicted_angle_std, tilt_std, bleed_std, tilt_x, tilt_y, bleed, normal
+):
     """One draw (4,) of the pose's error and the variances (4,) that the front end states.
 
-    tilt and bleed: how far they really are from what the fit takes for granted. normal: seven numbers or more.
+    The fit starts from a prediction, which holds what no edge measures; the stated variances leave it out. tilt and
+    bleed: how far they really are from what the fit takes for granted. normal: eleven numbers or more.
     """
     scaled = information / (edge_noise * edge_noise)
-    posterior = scaled.copy()
+    stated = scaled.copy()
+    held = scaled.copy()
     for i in range(7):
-        std = _OPEN_STD if i < 4 else tilt_std if i < 6 else bleed_std
-        posterior[i, i] += 1.0 / (std * std)
+        std = predicted_std if i < 3 else predicted_angle_std if i < 4 else tilt_std if i < 6 else bleed_std
+        held[i, i] += 1.0 / (std * std)
+        stated[i, i] += 1.0 / (_OPEN_STD * _OPEN_STD) if i < 4 else 1.0 / (std * std)
         # a Cholesky factor also where an unknown is not seen at all
         scaled[i, i] = scaled[i, i] * (1.0 + 1e-9) + 1e-12
-    covariance = np.linalg.inv(posterior)
     noise = np.linalg.cholesky(scaled) @ normal[:7]
+    for i in range(3):
+        noise[i] += normal[7 + i] / predicted_std
+    noise[3] += normal[10] / predicted_angle_std
     noise[4] += tilt_x / (tilt_std * tilt_std)
     noise[5] += tilt_y / (tilt_std * tilt_std)
     noise[6] += bleed / (bleed_std * bleed_std)
-    e = covariance @ noise
+    e = _inverse(held) @ noise
+    covariance = _inverse(stated)
     return (e[0], e[1], e[2], e[3]), (covariance[0, 0], covariance[1, 1], covariance[2, 2], covariance[3, 3])
 
 
@@ -145,8 +174,11 @@ class PadCamera(Device):
         Parameter("latency", LATENCY.unit, LATENCY.low, LATENCY.high, "the down camera's own", 0.06),
         Parameter("edge_noise", "px", 0.001, 10.0, "white noise of one pixel of edge along its normal"),
         Parameter("centre_noise", "px", 0.0, 10.0, "white jitter of the whole mark in the picture"),
-        Parameter("distance_noise", "1", 0.0, 0.1, "white noise of the distance over the distance"),
+        Parameter("size_noise", "px", 0.0, 10.0, "error of half the mark's length in the picture, Gauss-Markov"),
+        Parameter("size_tau", "s", 0.01, 1e4, "its time constant"),
         Parameter("angle_noise", "rad", 0.0, 0.1, "white noise of the angle"),
+        Parameter("predicted_std", "m", 1e-6, 1.0, "error of the prediction, which stands where no edge measures"),
+        Parameter("predicted_angle_std", "rad", 1e-6, 1.0, "the same of the angle"),
         Parameter("tilt_std", "rad", 1e-5, 0.2, "error of the attitude that the front end is given"),
         Parameter("tilt_tau", "s", 0.01, 1e4, "its time constant"),
         Parameter("bleed_std", "px", 1e-3, 5.0, "outward shift of all edges, drawn per flight"),
@@ -191,16 +223,18 @@ class PadCamera(Device):
         self._leg = mark.leg
         self._bleed, self._scale = rng.standard_normal(2).tolist()  # in standard deviations, as the tilt
         self._tilt: list[float] = rng.standard_normal(2).tolist()
+        self._size = float(rng.standard_normal())
         self._error = (math.nan,) * 7
 
     def sample(self, truth: Truth) -> PadSample | None:
         """What the front end reports of a picture exposed at `truth`; None where it does not find the mark."""
         n = self.numbers
-        normal = self.rng.standard_normal(13)
+        normal = self.rng.standard_normal(17)
         found = self.rng.random()
         tilt, dt = self._tilt, self.elapsed(truth.t)
         for i in range(2):
-            tilt[i] = gauss_markov(tilt[i], 1.0, n["tilt_tau"], dt, normal[7 + i])
+            tilt[i] = gauss_markov(tilt[i], 1.0, n["tilt_tau"], dt, normal[11 + i])
+        self._size = gauss_markov(self._size, 1.0, n["size_tau"], dt, normal[13])
         self._error = (math.nan,) * 7
         centre, angle, information, visible = _information(
             truth.position, truth.rotation, self._mount, self._axes, self._mark_axis, self._intrinsics, n["margin"],
@@ -215,15 +249,16 @@ class PadCamera(Device):
             return None
         tilt_x, tilt_y = n["tilt_std"] * tilt[0], n["tilt_std"] * tilt[1]
         (ex, ey, ez, ea), (vx, vy, vz, va) = _solve(
-            information, n["edge_noise"], n["tilt_std"], n["bleed_std"], tilt_x, tilt_y, n["bleed_std"] * self._bleed,
-            normal,
+            information, n["edge_noise"], n["predicted_std"], n["predicted_angle_std"], n["tilt_std"], n["bleed_std"],
+            tilt_x, tilt_y, n["bleed_std"] * self._bleed, normal,
         )  # fmt: skip
-        jitter_x, jitter_y, far, twist = normal[9:].tolist()
+        jitter_x, jitter_y, twist = normal[14:].tolist()
         std_x, std_y = n["centre_noise"] * z / fx, n["centre_noise"] * z / fy
-        std_share, std_twist = n["distance_noise"], n["angle_noise"]
+        std_share = n["size_noise"] * 2.0 * z / (self._leg * math.sqrt(fx * fy))  # of the distance
+        std_twist = n["angle_noise"]
         scale = n["scale"] + n["scale_std"] * self._scale
         # an error of the distance moves the mark along its ray
-        stretch = scale * (1.0 + std_share * far)
+        stretch = scale * (1.0 + std_share * self._size)
         seen_x = (x + ex) * stretch + std_x * jitter_x
         seen_y = (y + ey) * stretch + std_y * jitter_y
         seen_z = (z + ez) * stretch

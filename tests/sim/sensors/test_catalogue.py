@@ -78,7 +78,7 @@ def test_a_number_changed_in_flight_acts_at_the_next_sample(bench, topic):
     if topic == "pad":
         for sensor in (one, other):
             sensor.numbers.update(edge_noise=1e-3, tilt_std=1e-5, bleed_std=1e-3, detection_share=1.0)
-            sensor.numbers.update(cut_detection_share=1.0)
+            sensor.numbers.update(cut_detection_share=1.0, predicted_std=0.01, predicted_angle_std=0.01)
     for _ in bench.rest(one, 10, **start):
         pass
     for _ in bench.rest(other, 10, **start):

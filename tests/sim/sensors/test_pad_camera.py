@@ -11,7 +11,7 @@ from flightlog.rotations import matrix, quaternion
 
 # nothing but the white noise of the edges
 EDGES_ALONE = {
-    "centre_noise": 0.0, "distance_noise": 0.0, "angle_noise": 0.0, "tilt_std": 1e-5, "bleed_std": 1e-3,
+    "centre_noise": 0.0, "size_noise": 0.0, "angle_noise": 0.0, "tilt_std": 1e-5, "bleed_std": 1e-3,
     "scale_std": 0.0, "detection_share": 1.0, "cut_detection_share": 1.0,
 }  # fmt: skip
 CLEAN = {**EDGES_ALONE, "edge_noise": 1e-3}
@@ -150,6 +150,13 @@ def test_low_over_the_bar_only_what_is_measured_across_it_stays_sharp(bench):
     assert sample.std_x > 1.0
     whole = look(bench, sensor, **over(bench, 3.0))
     assert whole.std_x < 1e-3
+    # what no edge measures is where the prediction had it, and said to be as good as unknown
+    errors = []
+    for seed in range(200):
+        again = bench.build("pad", seed, **{**EDGES_ALONE, "predicted_std": 0.03})
+        look(bench, again, **over(bench, 0.55))
+        errors.append(again.errors()[0])
+    assert np.std(errors) == pytest.approx(0.03, rel=0.2)
     # turned by a quarter the loss turns with it
     turned = look(bench, sensor, **over(bench, 0.55, heading=math.pi / 2))
     assert turned.std_x < 1e-3
