@@ -91,7 +91,7 @@ class AltitudeNoise:
 
 
 def model(noise: AltitudeNoise) -> LinearModel:
-    """The derivatives are h' = v, v' = a - b_a; b_a a Gauss-Markov process; the biases walk as far as their sensors' wander does."""
+    """The derivatives are h' = v, v' = a - b_a; b_a a Gauss-Markov process; the biases walk as far as their wander."""
     dynamics = np.zeros((5, 5))
     dynamics[H, V], dynamics[V, B_A], dynamics[B_A, B_A] = 1.0, -1.0, -1.0 / noise.acceleration_bias_tau
     inputs = np.zeros((5, INPUTS))

@@ -59,7 +59,8 @@ class LinearModel:
 def _memory_type(n: int, inputs: int, components: int, topics: int, epochs: int) -> np.dtype:
     """One record with all that the filter remembers."""
     square, rows = (n, n), (n, inputs)
-    model: list[tuple[str, str, tuple[int, ...]]] = [(name, "f8", square) for name in ("a1", "a2", "a3", "q1", "q2", "q3", "w1", "w2", "w3")]
+    model: list[tuple[str, str, tuple[int, ...]]]
+    model = [(name, "f8", square) for name in ("a1", "a2", "a3", "q1", "q2", "q3", "w1", "w2", "w3")]
     model += [(name, "f8", rows) for name in ("g1", "g2", "g3")]
     model += [(name, "i8", (components,)) for name in ("topic", "patience", "jump", "reference")]
     work = [("x", "f8", (n,)), ("p", "f8", square), ("f", "f8", square), ("fp", "f8", square), ("gain", "f8", (n,))]

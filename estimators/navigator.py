@@ -340,8 +340,9 @@ class Navigator:
         x, y, z = seen.position.tolist()
         std_x, std_y, std_z = seen.std_position.tolist()
         sample = PadSample(
-            frame.t, frame.t_arrival, x, y, z, seen.angle, std_x, std_y, std_z, seen.std_angle, seen.quality, seen.source
-        )
+            frame.t, frame.t_arrival, x, y, z, seen.angle, std_x, std_y, std_z, seen.std_angle,
+            seen.quality, seen.source,
+        )  # fmt: skip
         self._detections.append(sample)
         self._see(sample, np.ascontiguousarray(seen.covariance[:3, :3]))
 

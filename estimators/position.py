@@ -72,7 +72,7 @@ class PositionNoise:
 
 
 def model(noise: PositionNoise) -> LinearModel:
-    """The derivatives are p' = v, v' = f - g d - a, d' = c; a Gauss-Markov; the GPS bias walks as far as its wander does."""
+    """The derivatives are p' = v, v' = f - g d - a, d' = c; a Gauss-Markov; the GPS bias walks as far as its wander."""
     dynamics, inputs = np.zeros((10, 10)), np.zeros((10, INPUTS))
     density, driven = np.zeros((10, 10)), np.zeros((10, 10))
     for axis in range(2):

@@ -303,9 +303,7 @@ def _sonar(motion: Motion, t: Floats, k: float, recipe: Recipe, rng: np.random.G
             yield SonarSample(a, math.nan, False)
 
 
-def _pad(
-    motion: Motion, t: Floats, k: float, recipe: Recipe, rng: np.random.Generator
-) -> Iterator[PadSample | None]:
+def _pad(motion: Motion, t: Floats, k: float, recipe: Recipe, rng: np.random.Generator) -> Iterator[PadSample | None]:
     equipment = make_equipment()
     mount = equipment.cameras["down"].mount
     rotation = motion.rotation(t)
