@@ -230,11 +230,12 @@ class PadCamera(Device):
         """What the front end reports of a picture exposed at `truth`; None where it does not find the mark."""
         n = self.numbers
         normal = self.rng.standard_normal(17)
+        *slow, size, jitter_x, jitter_y, twist = normal[11:].tolist()
         found = self.rng.random()
         tilt, dt = self._tilt, self.elapsed(truth.t)
         for i in range(2):
-            tilt[i] = gauss_markov(tilt[i], 1.0, n["tilt_tau"], dt, normal[11 + i])
-        self._size = gauss_markov(self._size, 1.0, n["size_tau"], dt, normal[13])
+            tilt[i] = gauss_markov(tilt[i], 1.0, n["tilt_tau"], dt, slow[i])
+        self._size = gauss_markov(self._size, 1.0, n["size_tau"], dt, size)
         self._error = (math.nan,) * 7
         centre, angle, information, visible = _information(
             truth.position, truth.rotation, self._mount, self._axes, self._mark_axis, self._intrinsics, n["margin"],
@@ -252,7 +253,6 @@ class PadCamera(Device):
             information, n["edge_noise"], n["predicted_std"], n["predicted_angle_std"], n["tilt_std"], n["bleed_std"],
             tilt_x, tilt_y, n["bleed_std"] * self._bleed, normal,
         )  # fmt: skip
-        jitter_x, jitter_y, twist = normal[14:].tolist()
         std_x, std_y = n["centre_noise"] * z / fx, n["centre_noise"] * z / fy
         std_share = n["size_noise"] * 2.0 * z / (self._leg * math.sqrt(fx * fy))  # of the distance
         std_twist = n["angle_noise"]

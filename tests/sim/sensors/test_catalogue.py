@@ -46,8 +46,10 @@ def test_truth_is_left_as_it_was(bench, truth, topic):
 @pytest.mark.parametrize("topic", TOPICS)
 def test_errors_are_named_one_by_one(bench, truth, topic):
     sensor = bench.build(topic)
-    sensor.sample(truth())
+    sample = sensor.sample(truth())
     assert len(sensor.errors()) == len(sensor.ERRORS)
+    assert all(type(error) is float for error in sensor.errors())
+    assert all(type(value) in (float, bool, int, str) for value in sample)
 
 
 @pytest.mark.parametrize("topic", TOPICS)
