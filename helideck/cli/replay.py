@@ -63,20 +63,24 @@ class Replay:
 
 
 def _recording(flight: Path) -> Path:
-    """The flight's replay.rrd; made from its tables where it is missing."""
+    """The flight's replay.rrd; one made from its tables where it is missing or has no curves, the flight killed."""
     from flightlog.flight_json import read_flight_json
     from flightlog.readers import read_flight
 
     read_flight_json(flight)
     recording = flight / "replay.rrd"
-    if not recording.is_file():
-        from flightlog.replay import ReplayWriter
+    killed = any(flight.glob("*/*.arrows"))
+    if recording.is_file() and not killed:
+        return recording
+    from flightlog.replay import ReplayWriter
 
-        tables = read_flight(flight)
-        print(f"{flight}: no replay.rrd: made from the tables, without pictures", file=sys.stderr)
-        with ReplayWriter(recording, meshes={}, cameras={}, title=flight.name) as replay:
-            replay.finish(tables.measured, tables.truth)
-    return recording
+    made = flight / "replay-from-log.rrd" if recording.is_file() else recording
+    why = "the flight was broken off" if killed else "no replay.rrd"
+    print(f"{flight}: {why}: shown from the log, without pictures", file=sys.stderr)
+    tables = read_flight(flight)
+    with ReplayWriter(made, meshes={}, cameras={}, title=flight.name) as replay:
+        replay.finish(tables.measured, tables.truth)
+    return made
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

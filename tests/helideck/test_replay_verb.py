@@ -67,6 +67,20 @@ def test_a_missing_recording_is_made_from_the_tables(served, flight):
     assert (flight / "replay.rrd").stat().st_size > 1000
 
 
+def test_a_killed_flight_is_shown_from_its_log_and_keeps_its_pictures(tmp_path):
+    from helideck.cli.replay import _recording
+
+    recorder = Recorder(tmp_path / "flight")
+    write_flight(tmp_path / "flight", {})
+    recorder.topic("measured", "estimate").append((0.0, *[0.0] * 21))
+    recorder.flush()
+    (tmp_path / "flight/replay.rrd").write_bytes(b"half a recording")
+    made = _recording(tmp_path / "flight")
+    assert made.name == "replay-from-log.rrd"
+    assert made.stat().st_size > 1000
+    assert (tmp_path / "flight/replay.rrd").read_bytes() == b"half a recording"
+
+
 def test_a_folder_that_is_no_flight_is_unusable_input(tmp_path, capsys):
     assert main(["replay", str(tmp_path), "--json"]) == 2
     said = capsys.readouterr()
