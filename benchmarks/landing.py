@@ -73,9 +73,8 @@ def judged(table: pa.Table, bars: tuple[Bar, ...], also: Callable[[dict[str, obj
     figures = {}
     for bar in bars:
         values = sorted(row[bar.column] for row in rows if row[bar.column] is not None)
-        figures[bar.column] = {
-            "bar": bar.most, "median": values[len(values) // 2] if values else None, "max": values[-1] if values else None,
-        }  # fmt: skip
+        median, largest = (values[len(values) // 2], values[-1]) if values else (None, None)
+        figures[bar.column] = {"bar": bar.most, "median": median, "max": largest}
     share = Share.of_runs(sum(good), len(good))
     return {"good": share.count, "of": share.of, "interval95": [share.low, share.high], "figures": figures,
             "bad_runs": [row["seed"] for row, fine in zip(rows, good, strict=True) if not fine]}  # fmt: skip

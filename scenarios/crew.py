@@ -109,7 +109,9 @@ def _gains(vehicle: Vehicle, surface_pressure: float, surface_temperature: float
     return design(plant_of(vehicle, surface_pressure, surface_temperature))
 
 
-def plant_of(vehicle: Vehicle, surface_pressure: float, surface_temperature: float, height: float = 10.0) -> LinearPlant:
+def plant_of(
+    vehicle: Vehicle, surface_pressure: float, surface_temperature: float, height: float = 10.0
+) -> LinearPlant:
     """The linear plant of a vehicle's hover in still air at `height` [m], as gain design takes it."""
     pipeline = Pipeline(vehicle.terms, vehicle.parameters, vehicle.geometry)
     hover = trim(
@@ -137,6 +139,7 @@ def plant_of(vehicle: Vehicle, surface_pressure: float, surface_temperature: flo
         lower=Controls(servo["collective_min"], -cyclic, -cyclic, -tail, 0.0),
         upper=Controls(servo["collective_max"], cyclic, cyclic, tail, 1.0),
         rotor_speed=float(geometry["nominal_speed"]),
+        tail_pitch=vehicle.parameters["tail_rotor"]["trim"] - float(geometry["rotor_direction"]) * hover.controls.tail,
         rotor_radius=float(geometry["rotor_radius"]),
         induced_velocity=math.sqrt(thrust / (2.0 * density * disc)),
         hub_height=float(geometry["hub"][2]),

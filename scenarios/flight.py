@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flightlog.marks import HMark
 from scenarios.crew import Navigator, NavigatorMaker, Pilot, PilotMaker, make_navigator, make_pilot
 from scenarios.events import Script
 from scenarios.recording import FolderRecording, Recording, Unrecorded, versions
+from scenarios.rehearsal import rehearse
 from scenarios.schema import Scenario
-from scenarios.staging import PADS, make_world
+from scenarios.staging import make_equipment, make_world
 from scenarios.stopwatch import Stopwatch
 from scenarios.summary import Observer, Summary
 from sim import vehicle as vehicles
@@ -92,12 +92,13 @@ def fly(
         UserError: unusable input. SimulationDiverged: the physics left the numbers; the log up to there is kept.
     """
     started = time.perf_counter()
+    rehearse(sees=cameras)
     seeds = np.random.SeedSequence(seed)
     nominal = aboard or vehicles.load(scenario.vehicle)
     flying = vehicle or vehicles.load(scenario.vehicle)
 
     with make_world(scenario, seeds, flying, cameras=cameras) as world:
-        equipment = nominal.equipment(PADS[scenario.pad] or HMark(), world.site)
+        equipment = make_equipment(scenario, nominal, world)
         crew = Crew(navigator(equipment, scenario, cameras), pilot(nominal, world.site, scenario, world.trim.heading))
         observer = Observer(world, equipment, HAND_OVER)
         document = {

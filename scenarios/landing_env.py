@@ -13,12 +13,11 @@ from dm_control.rl import control
 from dm_env import specs
 from numpy.typing import NDArray
 
-from flightlog.marks import HMark
 from flightlog.signals import Controls, StateEstimate
 from scenarios.crew import Navigator, make_navigator
 from scenarios.load import load
 from scenarios.schema import Scenario
-from scenarios.staging import PADS, make_world
+from scenarios.staging import make_equipment, make_world
 from sim import vehicle as vehicles
 from sim.world import STEP, SimulationDiverged, World
 
@@ -50,7 +49,7 @@ class LandingPhysics(control.Physics):  # type: ignore[misc]
         """A new world, before its first step."""
         self.free()
         self.world = make_world(self.scenario, self._seeds, self.vehicle, cameras=self._cameras)
-        equipment = self.vehicle.equipment(PADS[self.scenario.pad] or HMark(), self.world.site)
+        equipment = make_equipment(self.scenario, self.vehicle, self.world)
         self.navigator = make_navigator(equipment, self.scenario, self._cameras)
         self.controls = self.world.trim.controls
         self.diverged = False

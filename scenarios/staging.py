@@ -1,9 +1,11 @@
 """Sets the stage of a scenario: the world with its vehicle, weather, sensors and cameras, before anybody flies."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
+from flightlog.equipment import Equipment
 from flightlog.marks import HMark
 from scenarios import cameras as camera_tables
 from scenarios.events import sensor_numbers
@@ -35,6 +37,13 @@ def make_world(scenario: Scenario, seeds: np.random.SeedSequence, vehicle: Vehic
         eyes=(lambda scene: RenderProcess(scene, imaging, noise_seed)) if cameras else None,
         sensor_numbers={topic: sensor_numbers(topic, table.model_dump()) for topic, table in tables.items()},
     )
+
+
+def make_equipment(scenario: Scenario, aboard: Vehicle, world: World) -> Equipment:
+    """What the navigator is told: the sensors as fitted to the vehicle `aboard`, and what was read on the pad."""
+    pressure, temperature = world.pad_reading
+    site = replace(world.site, surface_pressure=pressure, surface_temperature=temperature)
+    return aboard.equipment(PADS[scenario.pad] or HMark(), site)
 
 
 def _start(scenario: Scenario, seeds: np.random.SeedSequence) -> Start:

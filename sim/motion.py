@@ -58,21 +58,21 @@ def advance(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def observe(  # type: ignore[no-untyped-def]
-    qpos, qvel, since, gravity, position, quaternion, rotation, velocity, rates, specific_force, angular_acceleration
+    qpos, qvel, before, since, gravity, position, quaternion, rotation, velocity, rates, specific_force, spin
 ):
-    """Bring what is known of the motion up to qpos (7,), qvel (6,), `since` [s] after it was last brought up.
+    """Bring what is known of the motion up to qpos (7,), qvel (6,).
 
-    Specific force (3,) [m/s^2] and angular acceleration (3,) [rad/s^2] are means over that time in body axes: what an
-    integrating IMU sees, and free of the integrator's internals.
+    before (6,): qvel of `since` [s] ago. Specific force (3,) [m/s^2] and angular acceleration `spin` (3,) [rad/s^2]
+    are means over that time in body axes: what an integrating IMU sees, and free of the integrator's internals.
     """
     r = matrix(qpos[3:7])
     rotation[:] = r
-    fx = (qvel[0] - velocity[0]) / since
-    fy = (qvel[1] - velocity[1]) / since
-    fz = (qvel[2] - velocity[2]) / since + gravity
+    fx = (qvel[0] - before[0]) / since
+    fy = (qvel[1] - before[1]) / since
+    fz = (qvel[2] - before[2]) / since + gravity
     for axis in range(3):
         specific_force[axis] = fx * r[0, axis] + fy * r[1, axis] + fz * r[2, axis]
-        angular_acceleration[axis] = (qvel[3 + axis] - rates[axis]) / since
+        spin[axis] = (qvel[3 + axis] - before[3 + axis]) / since
         position[axis] = qpos[axis]
         velocity[axis] = qvel[axis]
         rates[axis] = qvel[3 + axis]

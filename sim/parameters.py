@@ -16,6 +16,7 @@ class Parameter:
 
     @property
     def scenario_key(self) -> str:
-        """The name with its unit, as scenarios write it: `latency_s`, `noise_m_s2`."""
-        suffix = self.unit.replace("^", "").replace("/", "_").replace(" ", "_").replace("sqrt(Hz)", "rtHz")
+        """The name with its unit, as scenarios write it: `latency_s`, `rate_hz`, `noise_m_s2`."""
+        suffix = self.unit.replace("sqrt(Hz)", "rthz").replace("Hz", "hz")
+        suffix = suffix.replace("^", "").replace("/", "_").replace(" ", "_")
         return self.name if self.unit == "1" else f"{self.name}_{suffix}"

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Protocol, Self
 
 import mujoco
 import numpy as np
@@ -29,6 +29,7 @@ from sim.pipeline import Pipeline
 from sim.randomness import generator
 from sim.scene import CompiledScene, compose
 from sim.schedule import TICK, InTransit, Schedule
+from sim.sensors.barometer import Barometer
 from sim.sensors.contract import Sensor, Truth
 from sim.sensors.faults import Fault
 from sim.sensors.pad_camera import PadCamera
@@ -154,6 +155,8 @@ class World:
         self._set_mass()
         mujoco.mj_forward(self.model, self.data)
 
+        self._before = np.zeros(6)  # the free joint's velocity at the IMU's last sample
+        self._before_t = 0.0
         self.truth = self._first_truth()
         self._fit_sensors(seeds, sensor_numbers or {}, mark, rendered=eyes is not None)
         self._faults: list[Fault] = list(extra_faults)
@@ -176,6 +179,14 @@ class World:
         """Let go of the cameras' process."""
         if self.eyes is not None:
             self.eyes.close()
+
+    @property
+    def pad_reading(self) -> tuple[float, float]:
+        """Pressure [Pa] and temperature [K] that the barometer read on the pad before the flight."""
+        baro = self._sensors.get("baro")
+        if isinstance(baro, Barometer):
+            return baro.pad_pressure, baro.pad_temperature
+        return self.site.surface_pressure, self.site.surface_temperature
 
     @property
     def t(self) -> float:
@@ -323,30 +334,35 @@ class World:
         due = self._schedule.due(self.tick)
         if not due:
             return
-        self._look()
+        self._look("imu" in due)
         for name in due:
             if self._silent and self._silent.get(name, 0.0) > self.truth.t:
                 continue
             if name in self.cameras:
                 self._expose(name)
                 continue
-            sample = self._sensors[name].sample(self.truth)
+            sensor = self._sensors[name]
+            sample = sensor.sample(self.truth)
             for fault in self._faults:
                 if sample is not None and fault.topic == name:
                     sample = fault.apply(sample, self.truth.t, self._fault_generator)
             if sample is not None:
-                self._transit.send(sample, getattr(sample, "t_arrival", sample.t))
+                latency = sensor.numbers.get("latency", 0.0)
+                self._transit.send(sample, getattr(sample, "t_arrival", sample.t + latency))
 
-    def _look(self) -> None:
-        """Bring the truth up to this tick."""
+    def _look(self, means_end: bool) -> None:
+        """Bring the truth up to this tick; `means_end`: the IMU's next means begin here."""
         truth = self.truth
         signals = self.signals
         t = self.tick * TICK
         observe(
-            self._qpos, self._qvel, t - truth.t, GRAVITY, truth.position, truth.quaternion, truth.rotation,
-            truth.velocity, truth.rates, truth.specific_force, truth.angular_acceleration,
+            self._qpos, self._qvel, self._before, t - self._before_t, GRAVITY, truth.position, truth.quaternion,
+            truth.rotation, truth.velocity, truth.rates, truth.specific_force, truth.angular_acceleration,
         )  # fmt: skip
         truth.t = t
+        if means_end:
+            self._before[:] = self._qvel
+            self._before_t = t
         truth.rotor_speed = float(signals["rotor_speed"])
         truth.thrust = float(signals["thrust"])
         truth.inflow = float(signals["inflow"])
