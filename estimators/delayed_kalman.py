@@ -17,6 +17,7 @@ the filter, the whole covariance is lifted until the residual fits.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numba
 import numpy as np
@@ -56,6 +57,7 @@ class LinearModel:
     components: Sequence[Component]
 
 
+@lru_cache(maxsize=32)  # one object for each type: comparing equal ones costs a call of the compiled functions 2 us
 def _memory_type(n: int, inputs: int, components: int, topics: int, epochs: int) -> np.dtype:
     """One record with all that the filter remembers."""
     square, rows = (n, n), (n, inputs)
