@@ -20,9 +20,9 @@ ESTIMATOR_DELAY = 0.006  # [s] by which the navigator's rates and attitude may l
 MEASURED = ("roll", "pitch", "wx", "wy")
 HIDDEN = ("flapping.back", "flapping.right", "servo.lateral", "servo.longitudinal")
 WEIGHTS = {  # Bryson's largest welcome values [rad], [rad/s]
-    "roll": 0.05, "pitch": 0.05, "wx": 1.0, "wy": 1.0, "flapping.back": 0.2, "flapping.right": 0.2,
+    "roll": 0.05, "pitch": 0.05, "wx": 1.3, "wy": 1.3, "flapping.back": 0.3, "flapping.right": 0.3,
 }  # fmt: skip
-CYCLIC = 0.035  # [rad]
+CYCLIC = 0.05  # [rad]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,12 @@
-"""Heading to tail: LQR on heading and yaw rate with integral, and the engine's torque reckoned in beforehand."""
+"""Heading to tail: LQR on heading and yaw rate with integral, and the engine's torque reckoned in beforehand.
+
+The tail rotor's blade pitch for n times the trimmed torque is, by blade element and momentum theory,
+
+    theta = theta_T n + theta_i sqrt(n),
+
+theta_T + theta_i the pitch at trim, theta_T + theta_i/2 its slope there, which the matrices give. So the nose stays
+where it is when the throttle shuts.
+"""
 
 import math
 from dataclasses import dataclass
@@ -21,7 +29,8 @@ class HeadingGains:
     heading: float  # [1] tail per heading error
     rate: float  # [s] tail per yaw rate
     integral: float  # [1/s]
-    torque: float  # [rad] tail per throttle that the engine has taken up
+    thrust_pitch: float  # [rad] theta_T, with the sign of the tail control
+    inflow_pitch: float  # [rad] theta_i
     engine_share: float  # [1] of its lag that the engine makes up in a period
     trim_tail: float  # [rad]
     trim_throttle: float  # [1]
@@ -40,11 +49,14 @@ def design_heading(plant: LinearPlant) -> HeadingGains:
     torque = plant.A[yaw[0], engine[0]] if engine else plant.B[yaw[0], plant.inputs("throttle")[0]]
     lag = sum(-1.0 / plant.A[i, i] for i in plant.states("engine.throttle", "servo.throttle"))
     lag -= sum(-1.0 / plant.A[i, i] for i in plant.states("servo.tail"))  # the tail's own comes on top
+    slope = -torque / effect[0, 0] * plant.trim.throttle  # [rad] tail per share of the trimmed torque
+    inflow_pitch = min(max(2.0 * (plant.tail_pitch - abs(slope)), 0.0), 2.0 * abs(slope))
     return HeadingGains(
         heading=heading,
         rate=rate,
         integral=integral,
-        torque=-torque / effect[0, 0],
+        thrust_pitch=math.copysign(abs(slope) - 0.5 * inflow_pitch, slope),
+        inflow_pitch=math.copysign(inflow_pitch, slope),
         engine_share=1.0 - math.exp(-SAMPLE_TIME / lag) if lag > 0.0 else 1.0,
         trim_tail=plant.trim.tail,
         trim_throttle=plant.trim.throttle,
@@ -67,7 +79,9 @@ class HeadingLoop:
         error = (wanted - heading + math.pi) % (2.0 * math.pi) - math.pi
         error = min(max(error, -ERROR_LIMIT), ERROR_LIMIT)
         feedback = gains.heading * error + gains.rate * wz + self._steady
-        tail = gains.trim_tail + feedback + gains.torque * (self._engine - gains.trim_throttle)
+        torque = max(self._engine / gains.trim_throttle, 0.0)
+        ahead = gains.thrust_pitch * (torque - 1.0) + gains.inflow_pitch * (math.sqrt(torque) - 1.0)
+        tail = gains.trim_tail + feedback + ahead
         limited = min(max(tail, -gains.limit), gains.limit)
         if not hold and error * (tail - limited) <= 0.0:
             steady = self._steady + gains.integral * SAMPLE_TIME * error

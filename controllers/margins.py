@@ -17,7 +17,7 @@ from controllers.plant import SAMPLE_TIME, LinearPlant, sample
 from flightlog.constants import GRAVITY
 
 Floats = NDArray[np.float64]
-Response = NDArray[np.complex128]
+Response = NDArray[np.complexfloating]
 
 # What the pilot is given, as differences from hover: level axes that share the machine's heading.
 OUTPUTS = (
@@ -117,7 +117,8 @@ def pilot_response(gains: Gains, omega: Floats) -> Response:
 
     heading = gains.heading
     engine = heading.engine_share / (1.0 - (1.0 - heading.engine_share) / z)
-    k[:, 3] = heading.torque * engine[:, None] * k[:, 4]
+    torque = (heading.thrust_pitch + 0.5 * heading.inflow_pitch) / heading.trim_throttle
+    k[:, 3] = torque * engine[:, None] * k[:, 4]
     k[:, 3, at["heading"]] -= heading.heading + heading.integral * later
     k[:, 3, at["wz"]] += heading.rate
     return k

@@ -13,7 +13,7 @@ from controllers.sequence import Demand, Phase, Sequence
 from controllers.velocity import VelocityLoop
 from flightlog.signals import Controls, StateEstimate
 
-LEVEL_LEAD = 0.15  # [s] by which the roll against the tail rotor's push is taken out before the throttle shuts
+LEVEL_LEAD = 0.10  # [s] by which the roll against the tail rotor's push is taken out before the throttle shuts
 GROUND_COLLECTIVE_RATE = 0.08  # [rad/s] on the ground
 SEQUENCE_EVERY = 5  # periods: the plan is asked 50 times a second
 GROUND_TIME = 0.5  # [s] in which cyclic and tail come to rest there

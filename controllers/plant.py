@@ -33,6 +33,7 @@ class LinearPlant:
     lower: Controls  # stops of the controls
     upper: Controls
     rotor_speed: float  # [rad/s] at trim
+    tail_pitch: float  # [rad] pitch of the tail rotor's blades at trim, towards holding the engine's torque
     rotor_radius: float  # [m]
     induced_velocity: float  # [m/s] at trim
     hub_height: float  # [m] above the body origin

@@ -19,8 +19,8 @@ from controllers.velocity import VelocityGains
 from flightlog.constants import GRAVITY
 
 TILT_LAG = 0.35  # [s] of the attitude loop, its group delay at low frequency
-INTEGRAL, POSITION, VELOCITY, TILT = 3.0, 0.5, 0.4, 0.10  # Bryson's largest values [m s], [m], [m/s], [rad]
-TILT_DEMAND = 0.045  # [rad]
+INTEGRAL, POSITION, VELOCITY, TILT = 1.6, 0.36, 0.36, 0.10  # Bryson's largest values [m s], [m], [m/s], [rad]
+TILT_DEMAND = 0.050  # [rad]
 STEADY_LIMIT = 1.2  # [m/s^2] integral part: as much as a wind of 9 m/s from the side asks for
 
 
