@@ -4,6 +4,7 @@ The MJCF files stand alone, with flat placeholders for textures. `compose` joins
 textures are painted only into the models that are rendered, so that a world without cameras pays nothing for them.
 """
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -139,8 +140,8 @@ def _read(mjcf: Any, file: Path) -> Any:
     try:
         return mjcf.from_path(str(file))
     except FileNotFoundError as error:
-        missing = error.filename or error
-        raise FileNotFoundError(f"{file}: needs '{missing}', which is not there") from error
+        quoted = re.findall(r"'([^']+)'", str(error))  # the reader wraps the system's error; the path comes last
+        raise FileNotFoundError(f"{file}: needs '{quoted[-1] if quoted else error}', which is not there") from error
     except (AttributeError, KeyError, ValueError) as error:
         raise ValueError(f"{file}: not usable as MJCF: {error}") from error
 

@@ -17,7 +17,7 @@ from sim.textures import Picture, noise
 
 Floats = NDArray[np.float32]
 
-DIP_ROOM = math.radians(3.0)  # [rad] below the horizon, at the middle of a face, to which the sky goes on where the far disc hides it
+DIP_ROOM = math.radians(3.0)  # [rad] below the horizon to which the sky goes on, behind the far disc
 PALE = np.array([0.80, 0.86, 0.92], np.float32)  # the sky at the horizon
 DEEP = np.array([0.27, 0.47, 0.78], np.float32)  # and at the zenith
 CLOUD_TEXELS = 384  # of a face; clouds are soft and are painted coarser than the horizon
@@ -87,8 +87,8 @@ def paint_sky(
     # hills and islands stand in the rows just above the middle; with dip they go on below it, behind the disc
     highest = np.tan(np.radians(2.0 * max((s.height_deg for s in silhouettes), default=0.0)))
     rows = slice(middle - math.ceil(1.5 * highest * middle) - 2, line)
-    ridge = noise((16, 4096), 0.75, seed=8, shortest=4.0)[0].astype(np.float32)
-    band, seen = picture[sides, rows] / np.float32(255.0), directions(texels, rows)[sides]
+    ridge = noise((16, 4096), 1.0, seed=8, shortest=9.0)[0].astype(np.float32)
+    band, seen = picture[sides, rows].astype(np.float32) / 255.0, directions(texels, rows)[sides]
     for hill in silhouettes:
         _raise(band, seen, hill, ridge, np.pi / 2 / texels)
     picture[sides, rows] = np.rint(255.0 * np.clip(band, 0.0, 1.0))

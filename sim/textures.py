@@ -46,7 +46,7 @@ def coverage(outline: Floats, side: float, texels: int) -> Floats:
 
 
 def noise(shape: tuple[int, int], slope: float, seed: int, shortest: float = 2.0) -> Floats:
-    """Periodic noise of unit variance whose amplitude spectrum falls as frequency**-slope, down to `shortest` texels."""
+    """Periodic noise of unit variance; its amplitude falls as frequency**-slope, down to `shortest` texels."""
     fy, fx = np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1])[None, :]
     frequency = np.hypot(fy, fx)
     frequency[0, 0] = np.inf
@@ -93,6 +93,9 @@ def paint_waves(texels: int) -> Picture:
 
 
 FAR_SIDE = 3600.0  # [m] of the far ground's picture
+FIELDS = np.array(  # grass, meadow, straw, wood, plough
+    [(0.30, 0.41, 0.17), (0.36, 0.44, 0.20), (0.46, 0.45, 0.25), (0.26, 0.36, 0.16), (0.40, 0.35, 0.24)]
+)
 FADE = (250.0, 1500.0)  # [m] distances between which it fades into the far colour
 
 
@@ -116,8 +119,7 @@ def paint_meadow(texels: int, far: tuple[float, float, float]) -> Picture:
     x, y = 0.94 * x + 0.34 * y + bend, -0.34 * x + 0.94 * y - bend
     column = np.floor(x / 170.0).astype(int)
     row = np.floor((y + 61.0 * (column % 3)) / 120.0).astype(int)
-    palette = np.array([(0.30, 0.41, 0.17), (0.36, 0.44, 0.20), (0.46, 0.45, 0.25), (0.26, 0.36, 0.16), (0.40, 0.35, 0.24)])
-    plan = palette[rng.choice(len(palette), size=(64, 64), p=[0.34, 0.27, 0.14, 0.17, 0.08])]
+    plan = FIELDS[rng.choice(len(FIELDS), size=(64, 64), p=[0.34, 0.27, 0.14, 0.17, 0.08])]
     colour = plan[row % 64, column % 64] * (1.0 + 0.07 * noise((texels, texels), 0.8, seed=11))[..., None]
     edge = np.minimum(x % 170.0, (y + 61.0 * (column % 3)) % 120.0)
     hedge = np.clip(1.5 - edge / 4.0, 0.0, 1.0)[..., None]

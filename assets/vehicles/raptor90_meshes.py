@@ -160,7 +160,8 @@ def write(file: Path, vertices: Floats, faces: Ints) -> None:
     directions, corners = normals(vertices, faces)
     lines = [f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in vertices]
     lines += [f"vn {x:.3f} {y:.3f} {z:.3f}" for x, y, z in directions]
-    lines += ["f " + " ".join(f"{v + 1}//{n + 1}" for v, n in zip(f, c, strict=True)) for f, c in zip(faces, corners, strict=True)]
+    for face, corner in zip(faces + 1, corners + 1, strict=True):
+        lines.append("f " + " ".join(f"{v}//{n}" for v, n in zip(face, corner, strict=True)))
     file.write_text("\n".join(lines) + "\n")
 
 

@@ -12,12 +12,12 @@ from flightlog.camera import CameraModel
 BORDER = 4  # [px] kept around, for interpolation
 
 
-def _border_rays(camera: CameraModel) -> NDArray[np.float64]:
-    """Rays (N, 3) with z = 1 of the pixels around the picture's edge."""
+def _border(camera: CameraModel) -> NDArray[np.float64]:
+    """The pixels (N, 2) around the picture's edge."""
     x, y = np.arange(camera.width), np.arange(camera.height)
     top, left = np.stack([x, 0 * x], 1), np.stack([0 * y, y], 1)
     edge = np.vstack([top, top + [0, camera.height - 1], left, left + [camera.width - 1, 0]])
-    return camera.rays(edge.astype(float))
+    return np.asarray(edge, float)
 
 
 def pinhole_behind(camera: CameraModel) -> CameraModel:
@@ -27,9 +27,12 @@ def pinhole_behind(camera: CameraModel) -> CameraModel:
     """
     if not camera.distorted:
         return camera
-    pixels = _border_rays(camera)[:, :2] * [camera.fx, camera.fy]
+    edge = _border(camera)
+    rays = camera.rays(edge)
+    pixels = rays[:, :2] * [camera.fx, camera.fy]
     low, high = pixels.min(0), pixels.max(0)
-    if not np.all(np.isfinite([low, high])) or np.any(high - low > 4.0 * np.array([camera.width, camera.height])):
+    inverted = bool(np.all(np.abs(camera.project(rays) - edge) < 0.05))
+    if not inverted or np.any(high - low > 4.0 * np.array([camera.width, camera.height])):
         raise ValueError(f"lens distortion {camera.distortion} cannot be inverted over the picture")
     left, up = (math.ceil(-v) + BORDER for v in low)
     width, height = (math.ceil(v) + BORDER for v in high)

@@ -30,6 +30,9 @@ Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
 
+LUMINANCE = (0.299, 0.587, 0.114)  # of red, green and blue, as cv2.COLOR_RGB2GRAY weighs them
+
+
 def gl_context(width: int, height: int) -> Any:
     """A headless OpenGL context, made current."""
     try:
@@ -54,7 +57,7 @@ class Renderer:
     def __init__(
         self, scene: CompiledScene, imaging: Mapping[str, Imaging] | None = None, seed: int = 0, samples: int = 0
     ) -> None:
-        """`imaging` by camera name, default for those not named; `seed` of the flight's camera noise; `samples`: MSAA."""
+        """Arguments: imaging by camera name, default where missing; seed of the cameras' noise; samples of MSAA."""
         self.scene = scene
         self.imaging = {name: (imaging or {}).get(name, Imaging()) for name in scene.cameras}
         self.seed = seed
@@ -103,7 +106,7 @@ class Renderer:
         picture = self.clean(request.camera, request.qpos, request.light)
         rng = np.random.default_rng([self.seed, zlib.crc32(request.camera.encode()), request.index])
         if imaging.exposure.target is not None:
-            mean = float(np.mean(cv2.mean(picture)[:3]))
+            mean = float(np.dot(cv2.mean(picture)[:3], LUMINANCE))
             self._gain[request.camera] = imaging.exposure.next_gain(gain, mean, request.light.illuminance)
         speed = self._image_speed(request)
         return develop(
@@ -186,6 +189,7 @@ class Renderer:
         mujoco.mjv_updateScene(
             self.model, self.data, option, None, view, mujoco.mjtCatBit.mjCAT_ALL, self._view
         )
+        self._gl.make_current()  # another renderer may have been at work since
         rect = mujoco.MjrRect(0, 0, width, height)
         upside_down = np.empty((height, width, 3), np.uint8)
         mujoco.mjr_render(rect, self._view, self._context)

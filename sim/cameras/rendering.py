@@ -47,7 +47,8 @@ class RenderProcess:
         """
         self.renderer = ""  # GL_RENDERER, once ready
         self.startup_s = 0.0  # [s] until ready
-        self.busy_s = 0.0  # [s] spent drawing and developing
+        self.busy_s = 0.0  # [s] spent drawing and developing, by the clock
+        self.cpu_s = 0.0  # [s] the same in processor time, which other programs do not lengthen
         self._ready = False
         self._waiting: deque[tuple[int, FrameRequest]] = deque()
         self._free = deque(range(SLOTS))
@@ -110,11 +111,12 @@ class RenderProcess:
         if not self._waiting:
             raise RenderError("no picture was asked for")
         self.wait()
-        _, slot, shape, seconds = self._receive()
+        _, slot, shape, (seconds, cpu) = self._receive()
         expected, request = self._waiting.popleft()
         if slot != expected:
             raise RenderError(f"picture in slot {slot} where {expected} was due")
         self.busy_s += seconds
+        self.cpu_s += cpu
         start = slot * self._slot_bytes
         picture = self._shared[start : start + int(np.prod(shape))].reshape(shape).copy()
         self._free.append(slot)
