@@ -68,6 +68,13 @@ def test_rows_are_sorted_by_time_and_the_disorder_told(flight):
     ]
 
 
+def test_rows_of_one_time_keep_their_order_however_many(flight):
+    t = np.repeat([0.5, 0.0, 0.25], 500)  # falls back by less than a reset
+    write(flight, "mag", {"t": t, "mx": np.arange(1500.0)})
+    mx = read_flight(flight).measured["mag"]["mx"]
+    assert mx.tolist() == [*range(500, 1000), *range(1000, 1500), *range(500)]
+
+
 def test_rows_without_a_time_are_left_out_and_told(flight):
     write(flight, "mag", {"t": [0.0, None, 0.2, float("nan")], "mx": [0.0, 1.0, 2.0, 3.0]})
     found = read_flight(flight)
