@@ -8,6 +8,7 @@ the pipeline. One compiled kernel serves one instant at 500 Hz and whole logs.
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntEnum
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -80,7 +81,8 @@ def kernel(function: Kernel) -> Kernel:
     s: SIGNALS record, read and written. v: GEOMETRY record, read. x: the term's own states, brought dt [s] further
     in place. p: the term's parameters in their declared order, read.
     """
-    return numba.njit(KERNEL, cache=True)(function)
+    written_down = Path(function.__code__.co_filename).is_file()  # nothing to cache by where typed at a prompt
+    return numba.njit(KERNEL, cache=written_down)(function)
 
 
 class Stage(IntEnum):
