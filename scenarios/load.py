@@ -1,6 +1,6 @@
 """Scenario files: found by name or path, overridden by dotted keys, checked."""
 
-import copy
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,6 @@ from flightlog.errors import UserError
 from scenarios.schema import Scenario
 
 _HERE = Path(__file__).parent
-_VEHICLE = "vehicle."
 
 
 def available() -> list[str]:
@@ -23,10 +22,9 @@ def find(name: str | Path) -> Path:
     path = Path(name)
     if path.suffix == ".toml":
         return path
-    own = _HERE / f"{name}.toml"
-    if not own.is_file():
+    if str(name) not in available():
         raise UserError(f"unknown scenario {str(name)!r}; {toml_file.nearest(str(name), available())}")
-    return own
+    return _HERE / f"{name}.toml"
 
 
 def load(name: str | Path, overrides: Mapping[str, Any] | None = None) -> Scenario:
@@ -35,10 +33,13 @@ def load(name: str | Path, overrides: Mapping[str, Any] | None = None) -> Scenar
     Keys that begin with `vehicle.` are the vehicle file's: see `split_overrides`.
     """
     path = find(name)
-    document = copy.deepcopy(toml_file.read(path))
+    document = toml_file.read(path)
+    vehicle = document.get("vehicle")
+    if isinstance(vehicle, str) and vehicle.endswith(".toml") and os.path.isfile(path.parent / vehicle):
+        document["vehicle"] = str(path.parent / vehicle)  # a user's vehicle lies beside the scenario
     for key, value in (overrides or {}).items():
         toml_file.assign(document, key, value)
-    return toml_file.validate(document, Scenario, path)
+    return toml_file.validate(document, Scenario, path, tuple(overrides or ()))
 
 
 def build(**tables: Any) -> Scenario:
@@ -48,6 +49,6 @@ def build(**tables: Any) -> Scenario:
 
 def split_overrides(settings: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """`--set` keys parted into those of the scenario and those of the vehicle file (`vehicle.terms.X.y`)."""
-    scenario = {key: value for key, value in settings.items() if not key.startswith(_VEHICLE)}
-    vehicle = {key.removeprefix(_VEHICLE): value for key, value in settings.items() if key.startswith(_VEHICLE)}
+    scenario = {key: value for key, value in settings.items() if not key.startswith(toml_file.VEHICLE)}
+    vehicle = {key.removeprefix(toml_file.VEHICLE): settings[key] for key in settings if key not in scenario}
     return scenario, vehicle

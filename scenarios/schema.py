@@ -3,20 +3,33 @@
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
 
+from flightlog.toml_file import nearest
+from flightlog.topics import MEASURED
 from sim.light import Light
 from sim.sensors import CATALOGUE as SENSORS
 from sim.weather import Weather
 
 
 class Strict(BaseModel):
-    """No unknown keys, no silent conversions but int to float."""
+    """No unknown keys, no silent conversions but int to float, no numbers that are none."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
+def _in_the_air(point: list[float]) -> list[float]:
+    east, north, height = point
+    if not LEAST_HEIGHT <= height <= 3000.0 or max(abs(east), abs(north)) > 3000.0:
+        raise ValueError(
+            f"must lie within 3000 m east and north, {LEAST_HEIGHT:g} .. 3000 m above the pad (got {point})"
+        )
+    return point
+
+
+LEAST_HEIGHT = 0.3  # [m] of the body origin: the skids are free of the ground
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
+Point = Annotated[Vector3, AfterValidator(_in_the_air)]
 Vector2 = Annotated[list[float], Field(min_length=2, max_length=2)]
 Degrees = Annotated[float, Field(ge=-360, le=360)]
 
@@ -24,7 +37,7 @@ Degrees = Annotated[float, Field(ge=-360, le=360)]
 class Start(Strict):
     """Where the flight begins, trimmed in the air. Without a position it is drawn around the plan's point."""
 
-    position_m: Vector3 | None = None
+    position_m: Point | None = None
     spread_m: float = Field(default=3.0, ge=0, le=100)  # radius of the ball that the position is drawn from
     heading_deg: Degrees = 0.0
 
@@ -33,7 +46,7 @@ class Plan(Strict):
     """What the pilot is told to do."""
 
     goal: Literal["land", "hover"] = "land"
-    point_m: Vector3 = [0.0, 0.0, 10.0]  # P1 of Lei 2012
+    point_m: Point = [0.0, 0.0, 10.0]  # P1 of Lei 2012
     heading_deg: Degrees | None = None  # None: the heading at the start is kept
 
 
@@ -114,7 +127,7 @@ Device = Literal["imu", "mag", "baro", "gps", "sonar", "rotor", "pad", "down", "
 class Event(Strict):
     """Something that happens at a time."""
 
-    at_s: float = Field(ge=0)
+    at_s: float = Field(ge=0, le=1e9)
 
 
 class Gust(Event):
@@ -154,10 +167,20 @@ class FaultEvent(Event):
         if not self.numbers and self.fault is None:
             raise ValueError("says neither numbers nor column and fault")
         table = SENSOR_TABLES.get(self.sensor)
-        if self.numbers and table is None:
-            raise ValueError(f"{self.sensor} has no numbers to change")
-        if table is not None:
-            table.model_validate(self.numbers)
+        if table is None:
+            raise ValueError(f"{self.sensor} is a camera: it has neither numbers nor columns; pad is what it sees")
+        if self.column is not None:
+            columns = [column.name for column in MEASURED[self.sensor].columns if column.kind != "text"]
+            if self.column not in columns:
+                raise ValueError(f"{self.sensor} has no column {self.column!r}; {nearest(self.column, columns)}")
+        parameters = {item.scenario_key: item for item in SENSORS[self.sensor].PARAMETERS if item.name != "rate"}
+        for key, value in self.numbers.items():
+            if key not in parameters:
+                known = nearest(key, parameters)
+                raise ValueError(f"{self.sensor} has no number {key!r} that could change in flight; {known}")
+            low, high = parameters[key].low, parameters[key].high
+            if not low <= value <= high:
+                raise ValueError(f"numbers.{key} must lie in {low:g} .. {high:g} (got {value:g})")
         return self
 
 
@@ -204,3 +227,19 @@ class Scenario(Strict):
     sensors: Sensors = Sensors()  # type: ignore[valid-type]
     cameras: Cameras = Cameras()
     events: list[AnyEvent] = []
+
+    @model_validator(mode="after")
+    def _has_something_to_land_on(self) -> "Scenario":
+        if self.pad == "none" and self.plan.goal == "land":
+            raise ValueError('pad = "none" leaves nothing to land on; pad = "h" or plan.goal = "hover" would do')
+        return self
+
+    @model_validator(mode="after")
+    def _starts_in_the_air(self) -> "Scenario":
+        room = self.plan.point_m[2] - LEAST_HEIGHT
+        if self.start.position_m is None and self.start.spread_m > room:
+            raise ValueError(
+                f"start.spread_m = {self.start.spread_m:g} reaches into the ground below plan.point_m; "
+                f"at most {room:g} would be right, or a start.position_m"
+            )
+        return self

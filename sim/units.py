@@ -2,8 +2,6 @@
 
 import math
 
-from flightlog.errors import UserError
-
 # unit as written -> (SI unit, factor, offset): si = factor * value + offset
 _UNITS = {
     "mm": ("m", 1e-3, 0.0),
@@ -21,12 +19,13 @@ _UNITS = {
 }
 
 
-def to_si(value: float, unit: str, wanted: str, where: str) -> float:
-    """`value` in `unit` as the SI unit `wanted`; UserError, beginning with `where`, if the unit measures something else."""
+def to_si(value: float, unit: str, wanted: str) -> float:
+    """`value` in `unit` as the SI unit `wanted`; ValueError if the unit measures something else."""
     if unit == wanted:
         return float(value)
     si, factor, offset = _UNITS.get(unit, (None, 1.0, 0.0))
     if si != wanted:
         fitting = [wanted, *(name for name, (target, _, _) in _UNITS.items() if target == wanted)]
-        raise UserError(f"{where}: unit {unit!r} does not fit; expected one of {', '.join(fitting)}")
+        one_of = "one of " if len(fitting) > 1 else ""
+        raise ValueError(f"unit {unit!r} does not fit; expected {one_of}{', '.join(fitting)}")
     return factor * value + offset

@@ -6,14 +6,15 @@ cameras as fitted. An extended model is just another vehicle file.
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 import assets
 from flightlog import toml_file
@@ -25,25 +26,12 @@ from sim import sensors, terms
 from sim.parameters import Parameter
 from sim.sensors.contract import Site
 from sim.terms.contract import GEOMETRY, Term
-from sim.units import to_si
+from sim.vehicle_numbers import Number, Reader, Strict
 
 Floats = NDArray[np.float64]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-
-class Number(_Strict):
-    """A number of the vehicle file; a vector where its key is one."""
-
-    value: float | list[float]
-    unit: str
-    tolerance: float | list[float] = 0.0  # one standard deviation of what the maker does not know
-    source: str = ""
-
-
-class Rotor(_Strict):
+class Rotor(Strict):
     """The main rotor's geometry."""
 
     radius: Number
@@ -54,19 +42,19 @@ class Rotor(_Strict):
     hub: Number
 
 
-class TailRotor(_Strict):
+class TailRotor(Strict):
     """The tail rotor's place."""
 
     hub: Number
 
 
-class Skids(_Strict):
+class Skids(Strict):
     """The landing gear's place."""
 
     height: Number  # body origin above the skids' plane
 
 
-class Camera(_Strict):
+class Camera(Strict):
     """A camera as fitted."""
 
     looks: Literal["down", "forward"]
@@ -82,13 +70,13 @@ class Camera(_Strict):
     colour: bool = True
 
 
-class Environment(_Strict):
+class Environment(Strict):
     """The weather expected where this vehicle flies; `diagnose` takes it as the null."""
 
     wind_std: Number
 
 
-class VehicleFile(_Strict):
+class VehicleFile(Strict):
     """The whole file, as written."""
 
     kind: Literal["helicopter"]
@@ -167,13 +155,12 @@ def find(name: str | Path) -> Path:
     """The file of a vehicle's name, or the path of a user's own file; UserError where there is none."""
     path = Path(name)
     if path.suffix == ".toml":
-        if not path.is_file():
+        if not os.path.isfile(path):
             raise UserError(f"{path}: no such vehicle file")
         return path
-    own = assets.path("vehicles", f"{name}.toml")
-    if not own.is_file():
+    if str(name) not in available():
         raise UserError(f"unknown vehicle {str(name)!r}; {toml_file.nearest(str(name), available())}")
-    return own
+    return assets.path("vehicles", f"{name}.toml")
 
 
 def load(name: str | Path, overrides: Mapping[str, Any] | None = None) -> Vehicle:
@@ -183,116 +170,106 @@ def load(name: str | Path, overrides: Mapping[str, Any] | None = None) -> Vehicl
         return _as_written(path, path.stat().st_mtime_ns)
     document = toml_file.read(path)
     for key, value in overrides.items():
-        toml_file.assign(document, key, value)
-    return _resolve(path, document, toml_file.validate(document, VehicleFile, path))
+        toml_file.assign(document, key, _with_unit(document, key, value))
+    return _resolve(path, document, tuple(toml_file.VEHICLE + key for key in overrides))
 
 
 @functools.lru_cache(maxsize=32)
 def _as_written(path: Path, changed: int) -> Vehicle:
     """The file as it is; `changed` [ns] tells its versions apart."""
     del changed
-    document = toml_file.read(path)
-    return _resolve(path, document, toml_file.validate(document, VehicleFile, path))
+    return _resolve(path, toml_file.read(path))
 
 
-def _resolve(path: Path, document: Mapping[str, Any], file: VehicleFile) -> Vehicle:
-    def scalar(number: Number, unit: str, key: str) -> float:
-        if isinstance(number.value, list):
-            raise UserError(f"{path}: {key}: must be one number in {unit} (got {number.value})")
-        return to_si(number.value, number.unit, unit, f"{path}: {key}")
+def _with_unit(document: Mapping[str, Any], dotted: str, value: Any) -> Any:
+    """A bare number for a key that the file leaves at its default is in the unit that its term or sensor declares."""
+    section, member, name, *_ = [*dotted.split("."), "", ""]
+    declared: Sequence[Parameter] = ()
+    if section == "terms" and member in terms.CATALOGUE:
+        declared = terms.CATALOGUE[member].parameters
+    elif section == "sensors" and member in sensors.CATALOGUE:
+        declared = sensors.CATALOGUE[member].PARAMETERS
+    units = {parameter.name: parameter.unit for parameter in declared}
+    bare = section in ("terms", "sensors") and name and not isinstance(value, dict)
+    if not bare or name in document.get(section, {}).get(member, {}):
+        return value
+    return {"value": value, "unit": units.get(name, "1")}
 
-    def vector(number: Number, unit: str, key: str, length: int = 3) -> Floats:
-        if not isinstance(number.value, list) or len(number.value) != length:
-            raise UserError(f"{path}: {key}: must be {length} numbers in {unit} (got {number.value})")
-        return np.array([to_si(value, number.unit, unit, f"{path}: {key}") for value in number.value])
 
-    def declared(section: str, given: Mapping[str, Number], known: Sequence[Parameter]) -> dict[str, float]:
-        names = [parameter.name for parameter in known]
-        for name in given:
-            if name not in names:
-                raise UserError(f"{path}: {section}.{name}: unknown key; {toml_file.nearest(name, names)}")
-        numbers = {}
-        for parameter in known:
-            key = f"{section}.{parameter.name}"
-            if parameter.name in given:
-                value = scalar(given[parameter.name], parameter.unit, key)
-            elif parameter.default is not None:
-                value = parameter.default
-            else:
-                raise UserError(f"{path}: {key}: is missing ({parameter.meaning}, in {parameter.unit})")
-            if not parameter.low <= value <= parameter.high:
-                raise UserError(
-                    f"{path}: {key}: must lie in {parameter.low:g} .. {parameter.high:g} {parameter.unit} (got {value:g})"
-                )
-            numbers[parameter.name] = value
-        return numbers
-
+def _resolve(path: Path, document: Mapping[str, Any], settings: Collection[str] = ()) -> Vehicle:
+    file = toml_file.validate(document, VehicleFile, path, settings)
+    reader = Reader(path, settings)
     for name in file.terms:
         if name not in terms.CATALOGUE:
-            raise UserError(f"{path}: terms.{name}: unknown term; {toml_file.nearest(name, terms.CATALOGUE)}")
+            reader.fail(f"terms.{name}", f"unknown term; {toml_file.nearest(name, terms.CATALOGUE)}")
     for topic in file.sensors:
         if topic not in sensors.CATALOGUE:
-            raise UserError(f"{path}: sensors.{topic}: unknown sensor; {toml_file.nearest(topic, sensors.CATALOGUE)}")
+            reader.fail(f"sensors.{topic}", f"unknown sensor; {toml_file.nearest(topic, sensors.CATALOGUE)}")
 
     geometry = np.zeros(1, dtype=GEOMETRY)[0]
-    radius = scalar(file.rotor.radius, "m", "rotor.radius")
-    chord = scalar(file.rotor.chord, "m", "rotor.chord")
-    geometry["mass"] = scalar(file.mass, "kg", "mass")
+    radius = reader.scalar(file.rotor.radius, "m", "rotor.radius", positive=True)
+    chord = reader.scalar(file.rotor.chord, "m", "rotor.chord", positive=True)
+    speed = reader.scalar(file.rotor.nominal_speed, "rad/s", "rotor.nominal_speed", positive=True)
+    geometry["mass"] = reader.scalar(file.mass, "kg", "mass", positive=True)
     geometry["rotor_radius"] = radius
     geometry["rotor_solidity"] = file.rotor.blades * chord / (math.pi * radius)
     geometry["rotor_direction"] = 1.0 if file.rotor.turns == "counter-clockwise" else -1.0
-    geometry["nominal_speed"] = scalar(file.rotor.nominal_speed, "rad/s", "rotor.nominal_speed")
-    geometry["hub"] = vector(file.rotor.hub, "m", "rotor.hub")
-    geometry["tail_hub"] = vector(file.tail_rotor.hub, "m", "tail_rotor.hub")
-    geometry["skid_height"] = scalar(file.skids.height, "m", "skids.height")
+    geometry["nominal_speed"] = speed
+    geometry["hub"] = reader.vector(file.rotor.hub, "m", "rotor.hub")
+    geometry["tail_hub"] = reader.vector(file.tail_rotor.hub, "m", "tail_rotor.hub")
+    geometry["skid_height"] = reader.scalar(file.skids.height, "m", "skids.height", positive=True)
 
     fitted = {}
     for topic, given in file.sensors.items():
         numbers = {name: number for name, number in given.items() if name != "position"}
-        position = vector(given["position"], "m", f"sensors.{topic}.position") if "position" in given else np.zeros(3)
-        fitted[topic] = Fitted(declared(f"sensors.{topic}", numbers, sensors.CATALOGUE[topic].PARAMETERS), position)
-
-    cameras = {}
-    for name, camera in file.cameras.items():
-        key = f"cameras.{name}"
-        position = vector(camera.position, "m", f"{key}.position")
-        if camera.looks == "down":
-            mount = CameraMount.downward(position)
-        else:
-            nose_down = scalar(camera.nose_down, "rad", f"{key}.nose_down") if camera.nose_down else 0.0
-            mount = CameraMount.forward(position, nose_down)
-        distortion = vector(camera.distortion, "1", f"{key}.distortion", 5) if camera.distortion else np.zeros(5)
-        k1, k2, p1, p2, k3 = distortion.tolist()
-        model = CameraModel(
-            camera.width,
-            camera.height,
-            scalar(camera.fx, "px", f"{key}.fx"),
-            scalar(camera.fy, "px", f"{key}.fy"),
-            (camera.width - 1) / 2,
-            (camera.height - 1) / 2,
-            (k1, k2, p1, p2, k3),
-        )
-        rate = scalar(camera.rate, "Hz", f"{key}.rate")
-        cameras[name] = CameraSpec(rate, scalar(camera.latency, "s", f"{key}.latency"), model, mount, camera.colour)
+        place = f"sensors.{topic}.position"
+        position = reader.vector(given["position"], "m", place) if "position" in given else np.zeros(3)
+        known = sensors.CATALOGUE[topic].PARAMETERS
+        fitted[topic] = Fitted(reader.declared(f"sensors.{topic}", numbers, known), position)
 
     mjcf = path.parent / file.model
     if not mjcf.is_file():
         mjcf = assets.path("vehicles", file.model)
     if not mjcf.is_file():
-        raise UserError(f"{path}: model: no file {file.model!r} beside it or among the project's vehicles")
+        reader.fail("model", f"no file {file.model!r} beside it or among the project's vehicles")
 
     return Vehicle(
         name=path.stem,
         path=path,
         document=document,
         model=mjcf,
-        inertia=vector(file.inertia, "kg m^2", "inertia"),
+        inertia=reader.inertia(file.inertia, "inertia"),
         geometry=geometry,
         terms=tuple(terms.CATALOGUE[name] for name in file.terms),
         parameters={
-            name: declared(f"terms.{name}", given, terms.CATALOGUE[name].parameters)
+            name: reader.declared(f"terms.{name}", given, terms.CATALOGUE[name].parameters)
             for name, given in file.terms.items()
         },
         sensors=fitted,
-        cameras=cameras,
+        cameras={name: _camera(reader, f"cameras.{name}", camera) for name, camera in file.cameras.items()},
     )
+
+
+def _camera(reader: Reader, key: str, camera: Camera) -> CameraSpec:
+    position = reader.vector(camera.position, "m", f"{key}.position")
+    if camera.looks == "down":
+        mount = CameraMount.downward(position)
+    else:
+        nose_down = reader.scalar(camera.nose_down, "rad", f"{key}.nose_down") if camera.nose_down else 0.0
+        mount = CameraMount.forward(position, nose_down)
+    distortion = reader.vector(camera.distortion, "1", f"{key}.distortion", 5) if camera.distortion else np.zeros(5)
+    k1, k2, p1, p2, k3 = distortion.tolist()
+    model = CameraModel(
+        camera.width,
+        camera.height,
+        reader.scalar(camera.fx, "px", f"{key}.fx", positive=True),
+        reader.scalar(camera.fy, "px", f"{key}.fy", positive=True),
+        (camera.width - 1) / 2,
+        (camera.height - 1) / 2,
+        (k1, k2, p1, p2, k3),
+    )
+    rate = reader.scalar(camera.rate, "Hz", f"{key}.rate", positive=True)
+    latency = reader.scalar(camera.latency, "s", f"{key}.latency")
+    if not 0.0 <= latency <= 2.0:
+        reader.fail(f"{key}.latency", f"must lie in 0 .. 2 s (got {latency:g})")
+    return CameraSpec(rate, latency, model, mount, camera.colour)
