@@ -72,9 +72,8 @@ class HorizonFrontEnd:
             )
         small = np.asarray(cv2.resize(image, self._size, interpolation=cv2.INTER_AREA), np.uint8)
         if self._maps is not None:
-            small = np.asarray(
-                cv2.remap(small, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8
-            )
+            x, y = self._maps
+            small = np.asarray(cv2.remap(small, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8)
         best, score = None, 0.0
         for rho, theta in self._lines(small):
             value, channel, sign = self._score(small, rho, theta)
@@ -182,6 +181,8 @@ class HorizonFrontEnd:
         memory = float(np.clip(np.sum(kept[1:] * kept[:-1]) / np.sum(kept**2), 0.0, 0.98))
         noise = max(NOISE_FLOOR, residual) * math.sqrt((1.0 + memory) / (1.0 - memory))
         covariance = noise**2 * np.linalg.inv(jacobian[inliers].T @ jacobian[inliers])
+        # hills stand only above the horizon: a ragged line is also displaced, and tilted, by about its raggedness
+        covariance += np.diag([residual / self.camera.fy, residual / (0.5 * self.camera.width)]) ** 2
         return self._sighting(up, np.column_stack([ahead, aside]), covariance, residual)
 
     def _sighting(self, up: Floats, basis: Floats, covariance: Floats, residual: float) -> HorizonSighting:
