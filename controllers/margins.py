@@ -7,6 +7,7 @@ where S = (1 + L)^-1. The limits of the loops (tilt, speed, stops) are left out.
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +42,7 @@ class Margins:
     disk: float  # [1] alpha of the balanced disk: gain and phase together
 
 
-def frequencies(count: int = 2000) -> Floats:
+def frequencies(count: int = 1000) -> Floats:
     """Frequencies [rad/s] from slow drift to almost half the sampling rate."""
     return np.geomspace(0.01, 0.98 * math.pi / SAMPLE_TIME, count)
 
@@ -82,7 +83,8 @@ def attitude_response(gains: AttitudeGains, z: Response) -> Response:
     history = history.reshape(len(z), k, 2)  # cyclic sent earlier, from cyclic sent now
     moved = np.linalg.inv(z[:, None, None] * np.eye(h) - from_hidden)
     own = np.eye(2) + gains.hidden @ moved @ (from_sent @ history + from_now) + gains.sent @ history
-    return -np.linalg.solve(own, gains.measured + gains.hidden @ moved @ from_seen)
+    answer: Response = -np.linalg.solve(own, gains.measured + gains.hidden @ moved @ from_seen)
+    return answer
 
 
 def pilot_response(gains: Gains, omega: Floats) -> Response:
@@ -133,7 +135,7 @@ def margins(gains: Gains, plant: LinearPlant) -> tuple[list[Margins], float]:
     return found, float(1.0 / _diagonal_norm(sensitivity - 0.5 * np.eye(5)).max())
 
 
-def _diagonal_norm(m: Response, rounds: int = 30) -> Floats:
+def _diagonal_norm(m: Response, rounds: int = 30) -> NDArray[Any]:
     """Upper bound (N,) of the structured singular value of m (N, k, k) under diagonal perturbations.
 
     The largest singular value after scaling rows against columns until both weigh alike (Osborne's balancing).
