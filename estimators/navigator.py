@@ -24,6 +24,7 @@ from estimators.attitude import AttitudeFilter, correct_axis, correct_azimuth, p
 from estimators.delayed_kalman import AHEAD, advance_memory
 from estimators.lever_arms import antenna, pad_in_world, ranger
 from estimators.position import PositionFilter, PositionNoise
+from estimators.vision.horizon import HorizonSighting
 from estimators.vision.sighting import PadPrediction, PadSighting
 from flightlog.constants import GRAVITY
 from flightlog.equipment import Equipment
@@ -128,13 +129,31 @@ def _report(attitude, height, place):
     return out
 
 
-class Navigator:
-    """Built from the sensors as known aboard; `front_end` sees the pad in the down camera's pictures."""
+class HorizonEye(Protocol):
+    """What sees the horizon in a picture of a forward camera."""
 
-    def __init__(self, equipment: Equipment, front_end: FrontEnd | None = None) -> None:
+    def see(self, image: NDArray[np.uint8]) -> HorizonSighting | None:
+        """Roll and pitch of the vehicle from a picture (H, W, 3) RGB; None where there is no horizon in it."""
+        ...
+
+
+class Navigator:
+    """Built from the sensors as known aboard.
+
+    `front_end` sees the pad in the down camera's pictures; `horizons`, by camera, see the horizon. What these see is
+    given out among the detections and drawn; the attitude does not use it.
+    """
+
+    def __init__(
+        self,
+        equipment: Equipment,
+        front_end: FrontEnd | None = None,
+        horizons: Mapping[str, HorizonEye] = MappingProxyType({}),
+    ) -> None:
         """Waits for the first samples."""
         self._equipment = equipment
         self._front_end = front_end
+        self._horizons = horizons
         self._attitude = AttitudeFilter(equipment)
         self._period = 1.0 / equipment.sensors["imu"].rate
         self._altitude: AltitudeFilter
@@ -142,7 +161,7 @@ class Navigator:
         self._started = False
         self._time = 0.0
         self._refused: Counter[str] = Counter()
-        self._detections: list[PadSample] = []
+        self._detections: list[PadSample | HorizonSample] = []
         self._overlays: dict[str, Sequence[Floats]] = {}
         self._correct = False  # whether something waits to act
         self._aligned = False  # whether there is an attitude
@@ -166,7 +185,7 @@ class Navigator:
         }
 
     @property
-    def detections(self) -> Sequence[PadSample]:
+    def detections(self) -> Sequence[PadSample | HorizonSample]:
         """What the front end saw in the pictures of the last update."""
         return self._detections
 
@@ -326,6 +345,9 @@ class Navigator:
         """Not used: the inertial attitude with its aid is better than a horizon over hills."""
 
     def _take_frame(self, frame: Frame) -> None:
+        if frame.camera in self._horizons:
+            self._look_ahead(frame)
+            return
         front_end, camera = self._front_end, self._down
         if frame.camera != "down" or front_end is None or camera is None or not self._aligned:
             return
@@ -345,6 +367,15 @@ class Navigator:
         )  # fmt: skip
         self._detections.append(sample)
         self._see(sample, np.ascontiguousarray(seen.covariance[:3, :3]))
+
+    def _look_ahead(self, frame: Frame) -> None:
+        """The horizon in a forward camera's picture."""
+        seen = self._horizons[frame.camera].see(frame.image)
+        self._overlays[frame.camera] = () if seen is None else (np.array(seen.line),)
+        if seen is not None:
+            self._detections.append(
+                HorizonSample(frame.t, frame.t_arrival, seen.roll, seen.pitch, seen.std_roll, seen.std_pitch, True)
+            )
 
     def _see(self, s: PadSample, covariance: Floats) -> None:
         """One sighting with its covariance (3, 3) in camera axes [m^2]."""

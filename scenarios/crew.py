@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Protocol
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +19,8 @@ from controllers.gains import Gains, design
 from controllers.landing import Landing, LandingLimits
 from controllers.plant import LinearPlant
 from controllers.sequence import Hover
+from estimators.vision.h_mark import HMarkFrontEnd
+from estimators.vision.horizon import HorizonFrontEnd
 from flightlog.atmosphere import density_at
 from flightlog.equipment import Equipment
 from flightlog.signals import Controls, Measurement, StateEstimate
@@ -81,13 +84,16 @@ PilotMaker = Callable[[Vehicle, Site, Scenario, float], Pilot]
 
 def make_navigator(equipment: Equipment, scenario: Scenario, sees: bool) -> Navigator:
     """The navigator that the scenario names; `sees`: pictures will come."""
-    front_end = None
-    if sees and scenario.pad == "h":
-        from estimators.vision.h_mark import HMarkFrontEnd
-
-        camera = equipment.cameras["down"]
-        front_end = HMarkFrontEnd(camera.model, camera.mount, equipment.mark)
-    return estimators.navigator.Navigator(equipment, front_end)
+    front_end, horizons = None, {}
+    if sees:
+        # OpenCV's own threads gain nothing on pictures of this size and disturb the renderer
+        cv2.setNumThreads(1)
+        for name, camera in equipment.cameras.items():
+            if name == "down" and scenario.pad == "h":
+                front_end = HMarkFrontEnd(camera.model, camera.mount, equipment.mark)
+            elif name.startswith("forward"):
+                horizons[name] = HorizonFrontEnd(camera.model, camera.mount)
+    return estimators.navigator.Navigator(equipment, front_end, horizons)
 
 
 def make_pilot(vehicle: Vehicle, site: Site, scenario: Scenario, heading: float) -> Pilot:
