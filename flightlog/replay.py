@@ -24,6 +24,7 @@ from flightlog.tables import Table
 Floats = NDArray[np.float64]
 RATE = 50.0  # [Hz] of motion and curves; finer than a display shows
 TRAIL_RATE = 10.0  # [Hz]
+JUMP = 20.0  # [m/s] faster than any vehicle here: a path has a gap
 FOUND = (90, 255, 140)  # colour of what vision found
 
 
@@ -174,11 +175,13 @@ class ReplayWriter:
                 continue
             place = f"world/path/{name}"
             self._rec.log(place, rr.LineStrips3D.from_fields(colors=[colour], radii=[0.006]), static=True)
-            pieces = list(np.stack([points[:-1], points[1:]], axis=1).astype(np.float32))
+            pieces = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
+            # an estimate that jumps, such as with its first fix, has not flown there
+            flown = np.linalg.norm(np.diff(points, axis=0), axis=1) < JUMP * np.diff(t)
             self._rec.send_columns(
                 place,
-                indexes=[rr.TimeColumn(TIMELINE, duration=t[1:])],
-                columns=rr.LineStrips3D.columns(strips=pieces),
+                indexes=[rr.TimeColumn(TIMELINE, duration=t[1:][flown])],
+                columns=rr.LineStrips3D.columns(strips=list(pieces[flown])),
             )
 
     def _flown(self, name: str, table: Table) -> None:

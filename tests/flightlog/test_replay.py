@@ -9,6 +9,7 @@ rerun = pytest.importorskip("rerun", reason="the replay needs rerun-sdk")
 from rerun.chunk import RrdReader  # noqa: E402
 
 from flightlog.errors import UserError  # noqa: E402
+from flightlog.recorder import Recorder, write_flight  # noqa: E402
 from flightlog.replay import TIMELINE, ReplayWriter  # noqa: E402
 from flightlog.replay_scene import disc, shaded, visible  # noqa: E402
 
@@ -96,6 +97,20 @@ def test_both_paths_are_drawn_piece_by_piece(read, logged):
         assert pieces.shape == (119, 2, 3)
         np.testing.assert_allclose(pieces[:, 1], logged.position(np.array(times)) + offset, atol=1e-5)
         np.testing.assert_allclose(pieces[1:, 0], pieces[:-1, 1], atol=1e-6)
+
+
+def test_a_path_has_a_gap_where_the_estimate_jumps(tmp_path):
+    with Recorder(tmp_path / "flight") as recorder:
+        write_flight(tmp_path / "flight", {})
+        for k in range(20):
+            recorder.topic("measured", "estimate").append((k / 10, 0.1 * k, 0.0, 0.0 if k < 7 else 10.0, *[0.0] * 18))
+    with ReplayWriter(tmp_path / "replay.rrd", meshes={}, cameras={}) as replay:
+        replay.finish(read_flight(tmp_path / "flight").measured, {})
+    chunks = RrdReader(str(tmp_path / "replay.rrd")).stream().to_chunks()
+    batches = [c.to_record_batch() for c in chunks if c.entity_path == "/world/path/fused" and not c.is_static]
+    strips = np.array([strip for batch in batches for strip in batch.column("LineStrips3D:strips").to_pylist()])[:, 0]
+    assert len(strips) == 18
+    assert np.abs(np.diff(strips[..., 2], axis=1)).max() == 0.0
 
 
 def test_heights_of_all_sources_are_plotted(read, logged):
