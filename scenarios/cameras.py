@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from flightlog.equipment import CameraSpec
-from scenarios.schema import Cameras
+from scenarios.schema import Cameras, CameraTable
 from sim.cameras.blur import Blur
 from sim.cameras.exposure import Exposure
 from sim.cameras.imaging import Imaging
@@ -15,7 +15,7 @@ def fitted(cameras: Mapping[str, CameraSpec], tables: Cameras) -> dict[str, Came
     """The cameras with what the scenario changes of rate, latency and lens."""
     changed = {}
     for name, spec in cameras.items():
-        table = getattr(tables, name)
+        table = getattr(tables, name, CameraTable())
         if table.rate_hz is not None:
             spec = replace(spec, rate=table.rate_hz)
         if table.latency_s is not None:
@@ -30,7 +30,7 @@ def imaging(cameras: Mapping[str, CameraSpec], tables: Cameras) -> dict[str, Ima
     """How each camera makes its pictures."""
     made = {}
     for name, spec in cameras.items():
-        table = getattr(tables, name)
+        table = getattr(tables, name, CameraTable())
         made[name] = Imaging(
             colour=spec.colour,
             exposure=Exposure(gain=table.gain, target=table.mean_level),

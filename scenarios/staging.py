@@ -8,6 +8,7 @@ import numpy as np
 from flightlog.equipment import Equipment
 from flightlog.marks import HMark
 from scenarios import cameras as camera_tables
+from scenarios.checks import check
 from scenarios.events import sensor_numbers
 from scenarios.schema import SENSOR_TABLES, Scenario
 from sim.cameras.rendering import RenderProcess
@@ -21,6 +22,7 @@ PADS = {"h": HMark(), "none": None}
 def make_world(scenario: Scenario, seeds: np.random.SeedSequence, vehicle: Vehicle, *, cameras: bool) -> World:
     """The world at t = 0; cameras: rendered pictures, else the pad camera's error model in their place."""
     fitted = camera_tables.fitted(vehicle.cameras, scenario.cameras)
+    check(scenario, vehicle, fitted, rendered=cameras)
     imaging = camera_tables.imaging(fitted, scenario.cameras)
     noise_seed = int(generator(seeds, "cameras").integers(2**31))
     tables = {topic: getattr(scenario.sensors, topic) for topic in SENSOR_TABLES}

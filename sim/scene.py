@@ -4,6 +4,7 @@ The MJCF files stand alone, with flat placeholders for textures. `compose` joins
 textures are painted only into the models that are rendered, so that a world without cameras pays nothing for them.
 """
 
+import os
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -102,8 +103,7 @@ def compose(
 
     `timestep` [s]; `dip`: the horizon sinks to sqrt(2 h / R) below elevation 0, as on the round earth.
     """
-    from dm_control import mjcf
-
+    mjcf = _mjcf()
     file = assets.path("scenes", f"{scene}.xml")
     if not file.exists():
         raise ValueError(f"scene '{scene}': unknown; there are: {', '.join(scenes())}")
@@ -124,8 +124,8 @@ def compose(
     for name, spec in cameras.items():
         _add_camera(body, name, spec)
     sizes = [pinhole_behind(spec.model) for spec in cameras.values()]
-    root.visual.__getattr__("global").offwidth = max([1280, *(s.width for s in sizes)])
-    root.visual.__getattr__("global").offheight = max([960, *(s.height for s in sizes)])
+    root.visual.__getattr__("global").offwidth = max([640, *(s.width for s in sizes)])
+    root.visual.__getattr__("global").offheight = max([480, *(s.height for s in sizes)])
     if dip:
         root.worldbody.add(
             "geom", name=FAR_DISC, type="cylinder", size=[5000.0, 0.01], pos=[0, 0, -0.05], material="far",
@@ -133,6 +133,18 @@ def compose(
         )  # fmt: skip
     compiled = CompiledScene(root.to_xml_string(), root.get_assets(), mark, light, dip, dict(cameras))
     return compiled
+
+
+def _mjcf() -> Any:
+    """dm_control's composer, imported without the window library that it would start: none of it is needed here."""
+    chosen = "MUJOCO_GL" in os.environ
+    os.environ.setdefault("MUJOCO_GL", "disabled")
+    try:
+        from dm_control import mjcf
+    finally:
+        if not chosen:
+            del os.environ["MUJOCO_GL"]  # the render process makes its own choice
+    return mjcf
 
 
 def _read(mjcf: Any, file: Path) -> Any:

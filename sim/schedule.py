@@ -15,7 +15,7 @@ def period_in_ticks(rate: float, name: str) -> int:
     """Ticks between two samples; UserError where the rate does not divide the physics rate."""
     period = TICK_RATE / rate
     if rate <= 0 or abs(period - round(period)) > 1e-9:
-        raise UserError(f"{name}: rate {rate:g} Hz does not divide the physics rate of {TICK_RATE} Hz")
+        raise UserError(f"{name}: {rate:g} Hz does not divide the rate of the physics, {TICK_RATE} Hz")
     return round(period)
 
 

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
-from typing import Protocol, Self
+from typing import NoReturn, Protocol, Self
 
 import mujoco
 import numpy as np
@@ -17,17 +17,20 @@ from numpy.typing import NDArray
 from flightlog.atmosphere import pressure_at, temperature_at
 from flightlog.constants import GRAVITY
 from flightlog.equipment import CameraSpec
+from flightlog.errors import UserError
 from flightlog.marks import HMark
 from flightlog.rotations import matrix, quaternion
 from flightlog.signals import Controls, Frame, Measurement
 from sim import sensors
+from sim.assembly import assemble
 from sim.cameras.request import FrameRequest
+from sim.divergence import SimulationDiverged, suspect
 from sim.light import Light
 from sim.linearisation import Trim, trim
 from sim.motion import advance, finite, observe
 from sim.pipeline import Pipeline
 from sim.randomness import generator
-from sim.scene import CompiledScene, compose
+from sim.scene import CompiledScene
 from sim.schedule import TICK, InTransit, Schedule
 from sim.sensors.barometer import Barometer
 from sim.sensors.contract import Sensor, Truth
@@ -59,10 +62,6 @@ class Eyes(Protocol):
     def close(self) -> None:
         """Let go of the renderer."""
         ...
-
-
-class SimulationDiverged(RuntimeError):
-    """The physics left the numbers; says when, in what state, and the likely cause."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +114,7 @@ class World:
         self.site = vehicle.site(self.weather.pressure, self.weather.temperature, MAGNETIC_FIELD)
 
         self.cameras = dict(vehicle.cameras if cameras is None else cameras)
-        self.scene = compose(vehicle.model, scene, mark, self.cameras, self.light, timestep=TICK, dip=dip)
-        self.model = self.scene.model()
+        self.scene, self.model = assemble(vehicle, scene, mark, self.cameras, self.light, dip)
         # MuJoCo would start over from its own initial state where it meets a NaN; `_check` is to see it
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self.data = mujoco.MjData(self.model)
@@ -133,15 +131,21 @@ class World:
         )
         self.wind = Wind(self.weather, generator(seeds, "wind"))
         self._air = self.wind.mean(float(start.position[2]))  # (3,) [m/s] ENU at the vehicle
-        self.trim: Trim = trim(
-            self.pipeline,
-            vehicle.inertia,
-            wind=self._air,
-            height=float(start.position[2]),
-            heading=start.heading,
-            surface_pressure=self.weather.pressure,
-            surface_temperature=self.weather.temperature,
-        )
+        try:
+            self.trim: Trim = trim(
+                self.pipeline,
+                vehicle.inertia,
+                wind=self._air,
+                height=float(start.position[2]),
+                heading=start.heading,
+                surface_pressure=self.weather.pressure,
+                surface_temperature=self.weather.temperature,
+            )
+        except ValueError as error:
+            raise UserError(
+                f"{vehicle.path}: cannot hold its place at {start.position[2]:.1f} m in {self.weather.wind:g} m/s of "
+                f"wind: {error}; less wind, less mass or more control would be right"
+            ) from error
         self.signals = self.trim.signals
         self.signals["time"] = 0.0
         self.pipeline.state[:] = self.trim.state
@@ -149,10 +153,10 @@ class World:
 
         self.tick = 0
         self.contact = Contact()
+        self._weigh(vehicle)
         self._qpos[:3] = start.position
         self._qpos[3:7] = quaternion(self.trim.roll, self.trim.pitch, start.heading)
         self._qvel[:] = 0.0
-        self._set_mass()
         mujoco.mj_forward(self.model, self.data)
 
         self._before = np.zeros(6)  # the free joint's velocity at the IMU's last sample
@@ -203,6 +207,7 @@ class World:
         airspeed = math.hypot(u[0] - w[0], u[1] - w[1])
         self._air = a.step(float(self._qpos[2]), airspeed, STEP, self.t)
         sent = tuple(controls)
+        self._sound = self.signals.copy(), self.pipeline.state.copy()
         for _ in range(TICKS_PER_STEP):
             advance(
                 self.pipeline.kernels,
@@ -220,6 +225,8 @@ class World:
                 sent,
                 self._qfrc,
             )
+            if not finite(self._qfrc, self._qvel, float(self.signals["rotor_speed"])):
+                self._diverged()
             self._turn_rotors()
             mujoco.mj_step(self.model, self.data)
             self.tick += 1
@@ -273,6 +280,15 @@ class World:
 
     # --- inside -----------------------------------------------------------------------------------------------------
 
+    def _weigh(self, vehicle: Vehicle) -> None:
+        """The vehicle file's mass and inertia, whatever the MJCF says; the centre of mass is the body's origin."""
+        body = self._body
+        self.model.body_ipos[body] = 0.0
+        self.model.body_iquat[body] = (1.0, 0.0, 0.0, 0.0)
+        self.model.body_inertia[body] = vehicle.inertia
+        self._set_mass()
+        mujoco.mj_setConst(self.model, self.data)
+
     def _set_mass(self) -> None:
         """Fuel burns: the body's mass follows, to a tenth of a gram."""
         mass = float(self.signals["mass"]) - self._hinge_mass
@@ -319,11 +335,13 @@ class World:
             device = generator(seeds, topic)
             if topic != "pad":
                 self._sensors[topic] = sensors.CATALOGUE[topic](numbers, fitted.position, self.site, device)
-            elif mark is not None and not rendered:
+            elif mark is not None and not rendered and "down" in self.cameras:
                 camera = self.cameras["down"]
                 numbers |= {"rate": camera.rate, "latency": camera.latency}
-                place = {"camera": camera.model, "mount": camera.mount, "mark": mark}
-                self._sensors[topic] = PadCamera(numbers, camera.mount.position, self.site, device, **place)
+                self._sensors[topic] = PadCamera(
+                    numbers, camera.mount.position, self.site, device,
+                    camera=camera.model, mount=camera.mount, mark=mark,
+                )  # fmt: skip
         rates = {topic: sensor.numbers["rate"] for topic, sensor in self._sensors.items()}
         if rendered:
             rates |= {name: camera.rate for name, camera in self.cameras.items()}
@@ -404,26 +422,19 @@ class World:
                 contact.force += float(wrench[0])
 
     def _check(self) -> None:
-        """Stop where the physics has left the numbers, and say so."""
+        """Stop where the physics has left the numbers."""
         if not finite(self._qpos, self._qvel, float(self.signals["rotor_speed"])):
-            last = self.truth
-            raise SimulationDiverged(
-                f"the physics left the numbers at t = {self.t:.3f} s; last sound state: position "
-                f"{np.round(last.position, 2).tolist()} m, velocity {np.round(last.velocity, 2).tolist()} m/s, rates "
-                f"{np.round(last.rates, 2).tolist()} rad/s, rotor {last.rotor_speed:.1f} rad/s; likely cause: "
-                f"{self._suspect()}"
-            )
+            self._diverged()
 
-    def _suspect(self) -> str:
-        """What most likely drove the physics out of the numbers."""
-        for name, value in zip(self.pipeline.state_names, self.pipeline.state, strict=True):
-            if not math.isfinite(value):
-                return f"term {name.split('.')[0]!r}, whose state {name!r} is {value}"
-        for name, value in self.controls._asdict().items():
-            if not math.isfinite(value):
-                return f"control {name!r}, which the pilot sent as {value}"
-        for axis, value in zip("xyz", self.signals["force"], strict=True):
-            if not math.isfinite(value) or abs(value) > 1e4:
-                return f"a model force of {value:.3g} N along body {axis}: check the vehicle's numbers"
-        return "motion too fast for the physics' step: check masses, inertias and gains"
-
+    def _diverged(self) -> NoReturn:
+        """Say when, in what state, and why."""
+        last = self.truth
+        qpos = np.concatenate([last.position, last.quaternion])
+        qvel = np.concatenate([last.velocity, last.rates])
+        surface = (self.weather.pressure, self.weather.temperature)
+        cause = suspect(self.pipeline, *self._sound, qpos, qvel, self._air, surface, self.controls)
+        raise SimulationDiverged(
+            f"the physics left the numbers at t = {self.t:.3f} s; last sound state: position "
+            f"{np.round(last.position, 2).tolist()} m, velocity {np.round(last.velocity, 2).tolist()} m/s, rates "
+            f"{np.round(last.rates, 2).tolist()} rad/s, rotor {last.rotor_speed:.1f} rad/s; likely cause: {cause}"
+        )
