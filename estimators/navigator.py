@@ -372,7 +372,8 @@ class Navigator:
         """The horizon in a forward camera's picture."""
         seen = self._horizons[frame.camera].see(frame.image)
         self._overlays[frame.camera] = () if seen is None else (np.array(seen.line),)
-        if seen is not None:
+        # one device, one topic: the first camera's horizon is logged, the others' are drawn
+        if seen is not None and frame.camera == next(iter(self._horizons)):
             self._detections.append(
                 HorizonSample(frame.t, frame.t_arrival, seen.roll, seen.pitch, seen.std_roll, seen.std_pitch, True)
             )

@@ -9,6 +9,9 @@ from functools import cache
 import cv2
 import numpy as np
 
+from estimators.vision.h_mark import HMarkFrontEnd
+from estimators.vision.horizon import HorizonFrontEnd
+from estimators.vision.sighting import PadPrediction
 from flightlog.equipment import Equipment
 from flightlog.rotations import quaternion
 from scenarios.crew import make_navigator, make_pilot
@@ -41,10 +44,7 @@ def rehearse(*, sees: bool) -> None:
 
 
 def _look(equipment: Equipment) -> None:
-    """Find a drawn mark, then follow it."""
-    from estimators.vision.h_mark import HMarkFrontEnd
-    from estimators.vision.sighting import PadPrediction
-
+    """Find a drawn mark, then follow it; find a drawn horizon."""
     camera = equipment.cameras["down"]
     front_end = HMarkFrontEnd(camera.model, camera.mount, equipment.mark)
     outline = equipment.mark.outline()
@@ -56,4 +56,8 @@ def _look(equipment: Equipment) -> None:
     for height in (HEIGHT, HEIGHT + 0.05):
         prediction = PadPrediction(np.array([0.0, 0.0, height]), 0.0, np.full(3, 0.05), 0.02)
         front_end.see(image, attitude, prediction)
-    front_end.see(cv2.GaussianBlur(image, (3, 3), 0.8), attitude, None)
+    front_end.see(cv2.GaussianBlur(image, (3, 3), 0.8).astype(np.uint8), attitude, None)
+    ahead = equipment.cameras["forward_a"]
+    land = np.full((ahead.model.height, ahead.model.width, 3), 200, np.uint8)
+    land[ahead.model.height // 2 :] = 60
+    HorizonFrontEnd(ahead.model, ahead.mount).see(land)
