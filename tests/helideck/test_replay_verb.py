@@ -37,8 +37,8 @@ def served(flight):
     )
     assert process.stdout is not None
     yield process, process.stdout.readline().strip()
-    process.kill()
-    process.communicate()
+    process.terminate()  # killed, it could not end its viewer
+    process.communicate(timeout=10.0)
 
 
 def test_web_serves_viewer_and_recording_on_loopback_alone_and_ends_with_its_viewer(served, flight):
