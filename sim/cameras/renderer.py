@@ -190,6 +190,10 @@ class Renderer:
             self.model, self.data, option, None, view, mujoco.mjtCatBit.mjCAT_ALL, self._view
         )
         self._gl.make_current()  # another renderer may have been at work since
+        if width > self._context.offWidth or height > self._context.offHeight:
+            mujoco.mjr_resizeOffscreen(
+                max(width, self._context.offWidth), max(height, self._context.offHeight), self._context
+            )
         rect = mujoco.MjrRect(0, 0, width, height)
         upside_down = np.empty((height, width, 3), np.uint8)
         mujoco.mjr_render(rect, self._view, self._context)
