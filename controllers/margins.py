@@ -83,8 +83,8 @@ def attitude_response(gains: AttitudeGains, z: Response) -> Response:
     history = history.reshape(len(z), k, 2)  # cyclic sent earlier, from cyclic sent now
     moved = np.linalg.inv(z[:, None, None] * np.eye(h) - from_hidden)
     own = np.eye(2) + gains.hidden @ moved @ (from_sent @ history + from_now) + gains.sent @ history
-    answer: Response = -np.linalg.solve(own, gains.measured + gains.hidden @ moved @ from_seen)
-    return answer
+    answer = -np.linalg.solve(own, (gains.measured + gains.hidden @ moved @ from_seen).astype(complex))
+    return answer.astype(complex, copy=False)
 
 
 def pilot_response(gains: Gains, omega: Floats) -> Response:

@@ -65,7 +65,7 @@ class Pilot:
         wx, wy, wz = state.rates.tolist()
         if self._reference is None:
             self._reference = HeightReference(height, climb)
-            self._velocity.take_over(ve, vn, state.roll, state.pitch, state.heading)
+            self._velocity.take_over(ve, vn, state.roll, state.pitch, state.heading, height)
             if self._heading is None:
                 self._heading = state.heading
         assert self._heading is not None
@@ -100,6 +100,7 @@ class Pilot:
             ve,
             vn,
             state.heading,
+            height,
             demand.tilt_limit,
             level=1.0 if demand.powered else 0.0,
             hold=not demand.powered,

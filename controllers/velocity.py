@@ -4,6 +4,10 @@ The demand is an acceleration, which the thrust gives by tilting: forward by a l
 side. The integral stands for steady wind and for trims that are not as they were thought. The limit is on the rest, so
 that a wind stronger than the limit can be met; at the limit the integral grows only as long as the machine does not
 follow, which keeps it from winding up while a new place is flown to.
+
+What the integral stands for is mostly the wind, and that falls off towards the ground. So it is carried from height to
+height by the mean profile of MIL-F-8785C (section 3.7.3.4), in proportion to ln(h/z_0): in a descent through the last
+metres the integral alone would come too late and let the machine creep into the wind.
 """
 
 import math
@@ -13,6 +17,8 @@ from controllers.plant import SAMPLE_TIME
 from flightlog.constants import GRAVITY
 
 ACCELERATION_LAG = 0.5  # [s] of the low-pass behind the acceleration
+ROUGHNESS = 0.15 * 0.3048  # [m] z_0 of the profile for take-off, approach and landing: 0.15 ft
+PROFILE = (0.3, 30.0)  # [m] heights between which the profile is believed
 OBEYED = 0.2  # [1] share of the acceleration at the limit that counts as following
 
 
@@ -36,13 +42,15 @@ class VelocityLoop:
         self._steady_n = 0.0
         self._smooth_e = 0.0  # [m/s] velocity, low-passed, for the acceleration
         self._smooth_n = 0.0
+        self._share = 1.0  # of the profile at the height now
 
-    def take_over(self, ve: float, vn: float, roll: float, pitch: float, heading: float) -> None:
+    def take_over(self, ve: float, vn: float, roll: float, pitch: float, heading: float, height: float) -> None:
         """Begin from a steady flight: what it leans by now [rad] is taken for what the wind asks for."""
         right = GRAVITY * math.tan(roll - self._gains.trim_roll)
         forward = -GRAVITY * math.tan(pitch - self._gains.trim_pitch)
         sine, cosine = math.sin(heading), math.cos(heading)
         self._smooth_e, self._smooth_n = ve, vn
+        self._share = _profile(height)
         self._hold_within(forward * sine + right * cosine, forward * cosine - right * sine)
 
     def update(
@@ -52,17 +60,22 @@ class VelocityLoop:
         ve: float,
         vn: float,
         heading: float,
+        height: float,
         tilt_limit: float,
         level: float,
         hold: bool,
     ) -> tuple[float, float]:
         """(roll, pitch) wanted [rad].
 
-        wanted_e, wanted_n, ve, vn: velocity wanted and velocity [m/s] ENU; heading [rad]; tilt_limit [rad]: from what
-        trim and steady wind ask for; level: 1 with the tail rotor pushing sideways as at trim, 0 without; hold: the
-        integral rests.
+        wanted_e, wanted_n, ve, vn: velocity wanted and velocity [m/s] ENU; heading [rad]; height [m] above the
+        ground; tilt_limit [rad]: from what trim and steady wind ask for; level: 1 with the tail rotor pushing sideways
+        as at trim, 0 without; hold: the integral rests.
         """
         gains = self._gains
+        share = _profile(height)
+        self._steady_e *= share / self._share
+        self._steady_n *= share / self._share
+        self._share = share
         lag_e, lag_n = ve - self._smooth_e, vn - self._smooth_n
         self._smooth_e += SAMPLE_TIME / ACCELERATION_LAG * lag_e
         self._smooth_n += SAMPLE_TIME / ACCELERATION_LAG * lag_n
@@ -90,3 +103,7 @@ class VelocityLoop:
     def _hold_within(self, steady_e: float, steady_n: float) -> None:
         share = min(1.0, self._gains.integral_limit / max(math.hypot(steady_e, steady_n), 1e-9))
         self._steady_e, self._steady_n = share * steady_e, share * steady_n
+
+
+def _profile(height: float) -> float:
+    return math.log(min(max(height, PROFILE[0]), PROFILE[1]) / ROUGHNESS)

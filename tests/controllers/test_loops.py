@@ -17,6 +17,7 @@ from flightlog.constants import GRAVITY
 from sim.linearisation import Trim
 from sim.pipeline import Pipeline
 from sim.vehicle import Vehicle
+from sim.wind.mean import mean_speed
 
 WIDE = math.radians(20.0)
 
@@ -24,7 +25,7 @@ WIDE = math.radians(20.0)
 def tilt(gains: Gains, heading: float, wanted_e: float, wanted_n: float) -> tuple[float, float]:
     """(roll, pitch) from trim, asked for at rest."""
     loop = VelocityLoop(gains.velocity)
-    roll, pitch = loop.update(wanted_e, wanted_n, 0.0, 0.0, heading, WIDE, level=1.0, hold=False)
+    roll, pitch = loop.update(wanted_e, wanted_n, 0.0, 0.0, heading, 10.0, WIDE, level=1.0, hold=False)
     return roll - gains.velocity.trim_roll, pitch - gains.velocity.trim_pitch
 
 
@@ -52,7 +53,7 @@ def test_it_leans_to_where_it_wants_to_go(gains, heading_deg, wanted, roll_sign,
 
 def test_the_tilt_limit_keeps_the_direction(gains: Gains) -> None:
     loop = VelocityLoop(gains.velocity)
-    roll, pitch = loop.update(3.0, 4.0, 0.0, 0.0, 0.0, 0.05, level=1.0, hold=True)
+    roll, pitch = loop.update(3.0, 4.0, 0.0, 0.0, 0.0, 10.0, 0.05, level=1.0, hold=True)
     right, forward = math.tan(roll - gains.velocity.trim_roll), -math.tan(pitch - gains.velocity.trim_pitch)
     assert math.hypot(right, forward) == pytest.approx(math.tan(0.05))
     assert right / forward == pytest.approx(3.0 / 4.0)
@@ -62,7 +63,7 @@ def test_a_wind_beyond_the_tilt_limit_is_met_by_the_integral(gains: Gains) -> No
     loop = VelocityLoop(gains.velocity)
     pitch = 0.0
     for _ in range(int(30 / SAMPLE_TIME)):  # blown back at a steady speed: the limited tilt does not do
-        _, pitch = loop.update(0.0, 2.0, 0.0, 0.0, 0.0, 0.05, level=1.0, hold=False)
+        _, pitch = loop.update(0.0, 2.0, 0.0, 0.0, 0.0, 10.0, 0.05, level=1.0, hold=False)
     assert pitch < -2 * 0.05
 
 
@@ -70,14 +71,29 @@ def test_the_integral_rests_while_it_speeds_up_at_the_tilt_limit(gains: Gains) -
     loop = VelocityLoop(gains.velocity)
     speed, pushed = 0.0, GRAVITY * math.tan(0.05)
     for _ in range(int(3 / SAMPLE_TIME)):
-        loop.update(0.0, 5.0, 0.0, speed, 0.0, 0.05, level=1.0, hold=False)
+        loop.update(0.0, 5.0, 0.0, speed, 0.0, 10.0, 0.05, level=1.0, hold=False)
         speed += pushed * SAMPLE_TIME
-    _, pitch = loop.update(0.0, speed, 0.0, speed, 0.0, 0.05, level=1.0, hold=False)
+    _, pitch = loop.update(0.0, speed, 0.0, speed, 0.0, 10.0, 0.05, level=1.0, hold=False)
     assert abs(pitch - gains.velocity.trim_pitch) < 0.2 * 0.05
 
 
+def test_what_the_wind_asks_for_is_carried_down_the_profile(gains: Gains) -> None:
+    loop = VelocityLoop(gains.velocity)
+    loop.take_over(0.0, 0.0, gains.velocity.trim_roll, gains.velocity.trim_pitch - 0.05, 0.0, 10.0)
+
+    def lean(height: float) -> float:
+        _, pitch = loop.update(0.0, 0.0, 0.0, 0.0, 0.0, height, WIDE, level=1.0, hold=True)
+        return math.tan(gains.velocity.trim_pitch - pitch)
+
+    full = lean(10.0)
+    assert full == pytest.approx(math.tan(0.05))
+    assert lean(1.0) / full == pytest.approx(mean_speed(1.0, 1.5) / mean_speed(10.0, 1.5), rel=1e-6)
+    assert lean(-1.0) / full == pytest.approx(mean_speed(0.3, 1.5) / mean_speed(10.0, 1.5), rel=1e-6)
+    assert lean(10.0) == pytest.approx(full)
+
+
 def test_without_the_tail_rotors_push_it_flies_level(gains: Gains) -> None:
-    roll, _ = VelocityLoop(gains.velocity).update(0, 0, 0, 0, 0.0, WIDE, level=0.0, hold=True)
+    roll, _ = VelocityLoop(gains.velocity).update(0, 0, 0, 0, 0.0, 10.0, WIDE, level=0.0, hold=True)
     assert roll == 0.0
     assert gains.velocity.trim_roll > math.radians(2)
 
