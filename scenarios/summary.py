@@ -92,6 +92,8 @@ class Observer:
 
     def strayed(self, point: Sequence[float]) -> float:
         """Largest distance [m] from a point, once the vehicle has been within half a metre of it."""
+        if not self._truth:
+            return math.inf
         distance = np.linalg.norm(np.array(self._truth)[:, 1:4] - np.asarray(point), axis=1)
         near = np.flatnonzero(distance < 0.5)
         return float(distance[near[0] :].max()) if len(near) else float(distance.min())
@@ -128,7 +130,7 @@ class Observer:
         end = self.touchdown.t if self.touchdown else math.inf
         flown = (truth[:, 0] >= self._hand_over) & (truth[:, 0] < end)
         t, u = truth[flown, 0], truth[flown, 3]
-        errors = np.array(self._fused)[flown, 1] - u
+        errors = np.array(self._fused).reshape(-1, 5)[flown, 1] - u
         descent = flown & (truth[:, 0] >= (self._left_point if self._left_point is not None else 0.0))
         late = descent & (truth[:, 3] - self._equipment.skid_height < LATE_HEIGHT)
         fused = Spread.of(errors)
@@ -136,7 +138,7 @@ class Observer:
         found = self._sensor_heights()
         reach = self._equipment.sensors["sonar"]["greatest_range"] if "sonar" in self._equipment.sensors else math.inf
         for name in alone:
-            if name not in found:
+            if name not in found or not len(t):
                 continue
             series = found[name]
             true = np.interp(series.t, t, u)
