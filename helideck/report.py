@@ -1,5 +1,6 @@
 """What a flight was like, for people and for machines."""
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
@@ -11,18 +12,17 @@ from scenarios.campaign import CampaignSummary
 from scenarios.flight import Flight
 
 
-def as_document(flight: Flight) -> dict[str, Any]:
-    """The document of `land --json`."""
+def as_document(flight: Flight | Mapping[str, Any]) -> dict[str, Any]:
+    """The document of `land --json`; from a flight, or from what flight.json holds of it under `summary`."""
+    figures = flight if isinstance(flight, Mapping) else asdict(flight)
+    seed = figures["seed"]
     return {
-        "scenario": flight.scenario,
-        "seed": flight.seed[0] if len(flight.seed) == 1 else list(flight.seed),
-        "vehicle": flight.vehicle,
-        **asdict(flight.summary),
-        "wall_s": flight.wall_s,
-        "startup_s": flight.startup_s,
-        "real_time_factor": flight.real_time_factor,
-        "renderer": flight.renderer,
-        "flight": str(flight.folder) if flight.folder is not None else None,
+        "scenario": figures["scenario"],
+        "seed": seed[0] if len(seed) == 1 else list(seed),
+        "vehicle": figures["vehicle"],
+        **figures["summary"],
+        **{name: figures[name] for name in ("wall_s", "startup_s", "real_time_factor", "renderer")},
+        "flight": str(figures["folder"]) if figures["folder"] is not None else None,
     }
 
 

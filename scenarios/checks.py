@@ -41,8 +41,8 @@ def _check_cameras(scenario: Scenario, cameras: Mapping[str, CameraSpec], render
             raise UserError(f"cameras.{name}.distortion: {error}") from None
     if rendered and under_way > SLOTS:
         raise UserError(
-            f"cameras: {under_way} pictures would be under way at a time, by their rates and latencies; at most {SLOTS} "
-            "would be right"
+            f"cameras: {under_way} pictures would be under way at a time, by their rates and latencies; "
+            f"at most {SLOTS} would be right"
         )
 
 
@@ -51,12 +51,12 @@ def _check_sensors(scenario: Scenario, vehicle: Vehicle) -> None:
         table = getattr(scenario.sensors, topic)
         if table.model_fields_set and topic not in vehicle.sensors:
             raise UserError(f"sensors.{topic}: this vehicle has no such sensor; {nearest(topic, vehicle.sensors)}")
-        rate = getattr(table, "rate_Hz", None)
-        if topic == "pad" and {"rate_Hz", "latency_s"} & table.model_fields_set:
+        rate = getattr(table, "rate_hz", None)
+        if topic == "pad" and {"rate_hz", "latency_s"} & table.model_fields_set:
             raise UserError("sensors.pad: rate and latency are the down camera's: set cameras.down.rate_hz, latency_s")
         if topic in vehicle.sensors:
             fitted = vehicle.sensors[topic].numbers["rate"] if topic != "pad" else 1.0
-            _divides(fitted if rate is None else rate, f"sensors.{topic}.rate_Hz")
+            _divides(fitted if rate is None else rate, f"sensors.{topic}.rate_hz")
 
 
 def _check_events(scenario: Scenario, vehicle: Vehicle, cameras: Mapping[str, CameraSpec], rendered: bool) -> None:

@@ -23,7 +23,9 @@ from estimators.vision.h_mark import HMarkFrontEnd
 from estimators.vision.horizon import HorizonFrontEnd
 from flightlog.atmosphere import density_at
 from flightlog.equipment import Equipment
+from flightlog.errors import UserError
 from flightlog.signals import Controls, Measurement, StateEstimate
+from flightlog.toml_file import nearest
 from scenarios.schema import Scenario
 from sim.linearisation import linearise, trim
 from sim.pipeline import Pipeline
@@ -78,12 +80,21 @@ class Pilot(Protocol):
         ...
 
 
+NAVIGATORS = ("helideck",)  # the names that a scenario may give
+NEEDED = ("imu", "rotor")  # sensors without which nobody flies: attitude, and the governor's speed
+PILOTED = ("servo", "engine", "main_rotor", "tail_rotor")  # terms whose numbers the pilot's design takes
+
 NavigatorMaker = Callable[[Equipment, Scenario, bool], Navigator]
 PilotMaker = Callable[[Vehicle, Site, Scenario, float], Pilot]
 
 
 def make_navigator(equipment: Equipment, scenario: Scenario, sees: bool) -> Navigator:
     """The navigator that the scenario names; `sees`: pictures will come."""
+    if scenario.navigator not in NAVIGATORS:
+        raise UserError(f"navigator: there is no {scenario.navigator!r}; {nearest(scenario.navigator, NAVIGATORS)}")
+    for topic in NEEDED:
+        if topic not in equipment.sensors:
+            raise UserError(f"sensors.{topic}: is missing: the navigator {scenario.navigator!r} cannot do without")
     front_end, horizons = None, {}
     if sees:
         # OpenCV's own threads gain nothing on pictures of this size and disturb the renderer
@@ -119,14 +130,20 @@ def plant_of(
     vehicle: Vehicle, surface_pressure: float, surface_temperature: float, height: float = 10.0
 ) -> LinearPlant:
     """The linear plant of a vehicle's hover in still air at `height` [m], as gain design takes it."""
+    for name in PILOTED:
+        if name not in vehicle.parameters:
+            raise UserError(f"{vehicle.path}: terms.{name}: is missing: the pilot is designed with its numbers")
     pipeline = Pipeline(vehicle.terms, vehicle.parameters, vehicle.geometry)
-    hover = trim(
-        pipeline,
-        vehicle.inertia,
-        height=height,
-        surface_pressure=surface_pressure,
-        surface_temperature=surface_temperature,
-    )
+    try:
+        hover = trim(
+            pipeline,
+            vehicle.inertia,
+            height=height,
+            surface_pressure=surface_pressure,
+            surface_temperature=surface_temperature,
+        )
+    except ValueError as error:
+        raise UserError(f"{vehicle.path}: no pilot can be designed for it: {error}") from error
     model = linearise(pipeline, hover)
     geometry, servo = vehicle.geometry, vehicle.parameters["servo"]
     density = density_at(height, surface_pressure, surface_temperature)

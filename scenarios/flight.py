@@ -7,12 +7,14 @@ to the logbook and to the observer alone.
 import math
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from flightlog.errors import UserError
 from scenarios.crew import Navigator, NavigatorMaker, Pilot, PilotMaker, make_navigator, make_pilot
 from scenarios.events import Script
 from scenarios.recording import FolderRecording, Recording, Unrecorded, versions
@@ -22,6 +24,7 @@ from scenarios.staging import make_equipment, make_world
 from scenarios.stopwatch import Stopwatch
 from scenarios.summary import Observer, Summary
 from sim import vehicle as vehicles
+from sim.cameras import RenderError
 from sim.cameras.rendering import RenderProcess
 from sim.vehicle import Vehicle
 from sim.world import World
@@ -89,15 +92,17 @@ def fly(
         progress: called about ten times a simulated second.
 
     Raises:
-        UserError: unusable input. SimulationDiverged: the physics left the numbers; the log up to there is kept.
+        UserError: unusable input, or a log that cannot be written any more. SimulationDiverged: the physics left the
+            numbers. RenderError: the cameras failed in flight. What a navigator or pilot of one's own raises. Whatever
+            it is, the log up to there is kept.
     """
     started = time.perf_counter()
-    rehearse(sees=cameras)
     seeds = np.random.SeedSequence(seed)
     nominal = aboard or vehicles.load(scenario.vehicle)
     flying = vehicle or vehicles.load(scenario.vehicle)
 
     with make_world(scenario, seeds, flying, cameras=cameras) as world:
+        rehearse(sees=cameras)  # while the renderer gets ready
         equipment = make_equipment(scenario, nominal, world)
         crew = Crew(navigator(equipment, scenario, cameras), pilot(nominal, world.site, scenario, world.trim.heading))
         observer = Observer(world, equipment, HAND_OVER)
@@ -109,11 +114,14 @@ def fly(
             "aboard": nominal.document,
             "versions": versions(),
         }
+        if isinstance(world.eyes, RenderProcess):
+            try:
+                world.eyes.wait()
+            except RenderError as error:
+                raise UserError(f"{error}; flights without cameras (--no-cameras) need none of it") from error
         recording: Recording = Unrecorded()
         if folder is not None:
             recording = FolderRecording(folder, world, equipment, document, keep_frames=keep_frames)
-        if isinstance(world.eyes, RenderProcess):
-            world.eyes.wait()
         startup = time.perf_counter() - started
 
         def concluded(reason: str) -> Flight:
@@ -143,11 +151,14 @@ def fly(
             try:
                 reason = _loop(scenario, world, crew, observer, recording, watch, progress)
             except KeyboardInterrupt:
-                concluded("interrupted")
+                with suppress(UserError):
+                    concluded("interrupted")
                 raise
             except Exception as failure:
-                recording.event(world.t, str(failure), "ERROR")
-                concluded(str(failure))
+                # a full disk may be the failure: what ended the flight is the news, not that it cannot be noted
+                with suppress(UserError):
+                    recording.event(world.t, str(failure), "ERROR")
+                    concluded(str(failure))
                 raise
             return concluded(reason)
 

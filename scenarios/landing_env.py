@@ -19,7 +19,8 @@ from scenarios.load import load
 from scenarios.schema import Scenario
 from scenarios.staging import make_equipment, make_world
 from sim import vehicle as vehicles
-from sim.world import STEP, SimulationDiverged, World
+from sim.divergence import SimulationDiverged
+from sim.world import STEP, World
 
 Floats = NDArray[np.float64]
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, Self
 
+from flightlog.errors import UserError
 from flightlog.flight_json import write_flight
 from flightlog.readers.folder import read_flight
 from flightlog.recorder import Recorder
@@ -118,7 +119,18 @@ class FolderRecording:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if error is None:
+            self._recorder.close()
+            self._finish_replay()
+            return
+        # what ended the flight is the news: that something cannot be written must not hide it
         self._recorder.__exit__(kind, error, trace)
+        try:
+            self._finish_replay()
+        except (UserError, OSError, RuntimeError):
+            self._replay.file.unlink(missing_ok=True)  # `helideck replay` makes it anew from the tables
+
+    def _finish_replay(self) -> None:
         try:
             tables = read_flight(self._folder)
             self._replay.finish(tables.measured, tables.truth)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import tyro
 
+from flightlog.errors import UserError
 from helideck.cli.document import emit
 
 Settings = Annotated[tuple[str, ...], tyro.conf.arg(metavar="A.B=VALUE")]
@@ -54,24 +55,46 @@ class Land:
         from helideck.report import as_document, print_summary
         from helideck.show import flight_progress
         from scenarios.flight import fly
+        from sim.cameras import RenderError
+        from sim.divergence import SimulationDiverged
 
+        if self.output is not None and (self.output.exists() or self.output.is_symlink()):
+            raise UserError(f"{self.output}: exists already; name a folder that is new")
         seed = parse_seed(self.seed)
         prepared = prepare(self.scenario, parse_settings(self.set), vehicle=self.vehicle, aboard=self.aboard)
         folder = self.output if self.output is not None else flight_folder(prepared.name, seed)
-        with flight_progress(prepared.name, prepared.scenario.duration_s) as progress:
-            flight = fly(
-                prepared.scenario,
-                seed=seed,
-                folder=folder,
-                cameras=not self.no_cameras,
-                vehicle=prepared.vehicle,
-                aboard=prepared.aboard,
-                keep_frames=self.frames,
-                name=prepared.name,
-                progress=progress,
-            )
+        try:
+            with flight_progress(prepared.name, prepared.scenario.duration_s) as progress:
+                flight = fly(
+                    prepared.scenario,
+                    seed=seed,
+                    folder=folder,
+                    cameras=not self.no_cameras,
+                    vehicle=prepared.vehicle,
+                    aboard=prepared.aboard,
+                    keep_frames=self.frames,
+                    name=prepared.name,
+                    progress=progress,
+                )
+        except (SimulationDiverged, RenderError) as failure:
+            return self._broken_off(folder, str(failure), 1)
+        except KeyboardInterrupt:
+            if not (folder / "flight.json").is_file():
+                raise  # before take-off
+            return self._broken_off(folder, "interrupted", 130)
         if self.json:
             emit(as_document(flight))
         else:
             print_summary(flight, sys.stdout)
         return 0 if flight.summary.success else 1
+
+    def _broken_off(self, folder: Path, reason: str, code: int) -> int:
+        """Say what ended the flight and where its log is; the exit code."""
+        from flightlog.flight_json import read_flight_json
+        from helideck.report import as_document
+
+        print(f"helideck: {reason}; the log up to there is in {folder}", file=sys.stderr)
+        if self.json:
+            figures = read_flight_json(folder).get("summary")
+            emit(as_document(figures) if figures is not None else {"error": reason})
+        return code
