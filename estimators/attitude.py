@@ -88,10 +88,12 @@ ALIGNED = 0.012  # [rad] tilt error that is left: trimmed flight is not quite wi
 PLUMB_TAU = 0.5  # [s]
 PLUMB_GATE = 0.3  # [m/s^2] of the plumb line's length about gravity
 DEVIATION_TAU = 60.0  # [s] the magnetometer's deviation changes in: drift, and turns of the nose
+COAST_TAU = 0.1  # [s] without an inertial sample the last rates are believed so long
+COAST_RATE = 0.1  # [rad/s] at which it may turn then
 MEASURED_FOR = 0.2  # [s] an azimuth stays in force until the next one
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _align(a):
     """Attitude of level flight without acceleration from the means of force and field so far."""
     fx, fy, fz = a.force[0], a.force[1], a.force[2]
@@ -110,7 +112,7 @@ def _align(a):
     a.q[:] = q
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _remember(a):
     i = a.samples % HISTORY
     a.times[i] = a.t
@@ -119,7 +121,7 @@ def _remember(a):
     a.samples += 1
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _look_back(a):
     """Carry the attitude found back over the samples from which it was found."""
     for k in range(a.samples - 2, max(0, a.samples - HISTORY) - 1, -1):
@@ -128,7 +130,7 @@ def _look_back(a):
         a.quaternions[i, :] = multiply(a.quaternions[j], from_vector(-0.5 * dt * (a.turning[i] + a.turning[j])))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _follow_rotor(a, dt):
     """Notches at the rotor's present speed; it only crawls, so they are designed anew when it has moved by 1 %."""
     # a slow rotor shakes little and its notch would delay much
@@ -139,7 +141,7 @@ def _follow_rotor(a, dt):
         a.notch_speed = speed
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def propagate(memory, t, fx, fy, fz, wx, wy, wz, tilt_e, tilt_n, variance, aid):
     """One inertial sample.
 
@@ -245,7 +247,25 @@ def propagate(memory, t, fx, fy, fz, wx, wy, wz, tilt_e, tilt_n, variance, aid):
     _remember(a)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
+def coast(memory, t):
+    """On to `t` without an inertial sample: the turning dies away, the acceleration is anything about none."""
+    a = memory[0]
+    dt = t - a.t
+    a.t = t
+    for i in range(3):
+        a.raw_rate[i] *= math.exp(-dt / COAST_TAU)
+        a.rates[i] = a.raw_rate[i]
+        a.mean_acceleration[i] = 0.0
+    a.inputs[:] = 0.0
+    a.q[:] = multiply(a.q, from_vector(dt * a.raw_rate))
+    turned = COAST_RATE * dt
+    a.variance_level += turned * (turned + 2.0 * math.sqrt(a.variance_level))
+    a.variance_heading += turned * (turned + 2.0 * math.sqrt(a.variance_heading))
+    _remember(a)
+
+
+@numba.njit(cache=True, error_model="numpy")
 def correct_azimuth(memory, t, mx, my, mz):
     """One magnetometer sample [uT]."""
     a = memory[0]
@@ -276,7 +296,7 @@ def correct_azimuth(memory, t, mx, my, mz):
     a.yaw_time = t
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def attitude_at(memory, t):
     """(quaternion (4,), rates (3,)) at the time `t` [s], interpolated; the nearest end's outside the history."""
     a = memory[0]
@@ -306,7 +326,7 @@ def attitude_at(memory, t):
     return q, w
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def correct_axis(memory, t, angle, std):
     """The mark's axis, which points north, seen `angle` [rad] clockwise from forward at the time `t`."""
     a = memory[0]

@@ -11,7 +11,7 @@ A scalar measurement at a time. The gain follows Lei et al. 2012, equation 27, r
 standard deviations, n K with n = 2 sqrt(S)/|r| up to five, nothing beyond; Joseph's form, because n K is not the
 optimal gain. A filter that has gone astray must not reject the truth for ever: after `patience` rejections in a row
 either the bias that the component may have jumped by is set free, or, where it has none and no reference agrees with
-the filter, the whole covariance is lifted until the residual fits.
+the filter, it begins anew with its first covariance.
 """
 
 import math
@@ -64,6 +64,7 @@ def _memory_type(n: int, inputs: int, components: int, topics: int, epochs: int)
     model: list[tuple[str, str, tuple[int, ...]]]
     model = [(name, "f8", square) for name in ("a1", "a2", "a3", "q1", "q2", "q3", "w1", "w2", "w3")]
     model += [(name, "f8", rows) for name in ("g1", "g2", "g3")]
+    model += [("start", "f8", (n,)), ("states", "i8", ()), ("inputs", "i8", ())]
     model += [(name, "i8", (components,)) for name in ("topic", "patience", "jump", "reference")]
     work = [("x", "f8", (n,)), ("p", "f8", square), ("f", "f8", square), ("fp", "f8", square), ("gain", "f8", (n,))]
     epoch = [("t", "f8"), ("u", "f8", (inputs,)), ("noise", "f8"), ("x", "f8", (n,)), ("p", "f8", square)]
@@ -85,10 +86,10 @@ def _memory_type(n: int, inputs: int, components: int, topics: int, epochs: int)
     )
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _propagate(model, work, x, p, u, noise, dt):
     """Bring x (n,), p (n, n) `dt` [s] further, in place; third order in dt."""
-    n = x.shape[0]
+    n, m = model.states, model.inputs
     f, fp = work.f, work.fp
     steps = max(1, math.ceil(dt / LONGEST_STEP - 1e-9))
     dt = dt / steps
@@ -101,7 +102,7 @@ def _propagate(model, work, x, p, u, noise, dt):
             s = 0.0
             for j in range(n):
                 s += f[i, j] * x[j]
-            for j in range(u.shape[0]):
+            for j in range(m):
                 s += dt * (model.g1[i, j] + dt * (model.g2[i, j] + dt * model.g3[i, j])) * u[j]
             work.gain[i] = s
         x[:] = work.gain
@@ -122,10 +123,9 @@ def _propagate(model, work, x, p, u, noise, dt):
                 p[j, i] = s
 
 
-@numba.njit(cache=True)
-def _project(p, row, gain):
+@numba.njit(cache=True, error_model="numpy")
+def _project(n, p, row, gain):
     """Put P H' into `gain`; returns H P H'."""
-    n = row.shape[0]
     total = 0.0
     for i in range(n):
         s = 0.0
@@ -136,7 +136,7 @@ def _project(p, row, gain):
     return total
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _vouched(model, epoch, component, t):
     """Whether a reference of another topic was accepted lately."""
     for c in range(model.topic.shape[0]):
@@ -146,12 +146,12 @@ def _vouched(model, epoch, component, t):
     return False
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _update(model, work, epoch, m):
     """Correct the state in `work` by the measurement `m`; counters in `epoch`."""
     x, p, row, gain, c = work.x, work.p, m.row, work.gain, m.component
-    n = x.shape[0]
-    explained = _project(p, row, gain)
+    n = model.states
+    explained = _project(n, p, row, gain)
     residual = m.z
     for i in range(n):
         residual -= row[i] * x[i]
@@ -168,14 +168,15 @@ def _update(model, work, epoch, m):
                 p[model.jump[c], model.jump[c]] += residual * residual
                 declared = True
             elif explained > 0.0 and not _vouched(model, epoch, c, m.t):
-                lift = (residual * residual / (SOFT_GATE * SOFT_GATE) - m.variance) / explained
-                if lift > 1.0:
-                    p *= lift
+                # begin anew from here, as unsure as at the start
+                p[:, :] = 0.0
+                for i in range(n):
+                    p[i, i] = model.start[i]
                 declared = True
     if declared:
         weight = 1.0
         epoch.resets[c] += 1
-        spread = _project(p, row, gain) + m.variance
+        spread = _project(n, p, row, gain) + m.variance
     m.weight = weight
     if weight == 0.0:
         return
@@ -203,7 +204,7 @@ def _update(model, work, epoch, m):
             p[j, i] = mean
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _replay(memory, first):
     """Compute the epochs from number `first` on anew; the one before it stands."""
     head = memory[0]
@@ -240,7 +241,7 @@ def _replay(memory, first):
         epoch.p[:, :] = p
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _refresh(memory):
     """Replay from the earliest measurement that came in since the last time."""
     head = memory[0]
@@ -254,7 +255,7 @@ def _refresh(memory):
         _replay(memory, first)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def advance_memory(memory, t, u, noise):
     """A new epoch at `t`, reached with the inputs `u` (m,); False where it does not lie ahead."""
     head = memory[0]
@@ -272,7 +273,7 @@ def advance_memory(memory, t, u, noise):
     return True
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _insert(memory, t, component, row, z, variance):
     """Put a measurement where it belongs in time; one of the outcomes above."""
     head = memory[0]
@@ -311,7 +312,7 @@ def _insert(memory, t, component, row, z, variance):
     return TAKEN
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _state_at(memory, t):
     """(x, P) at the time `t`: of the last epoch not after it, brought forward; measurements in between are left out."""
     head = memory[0]
@@ -354,6 +355,9 @@ class DelayedKalman:
         root = self._ring[0]
         root["t"], root["x"], root["p"], root["noise"] = t, x, p, 1.0
         root["accepted"] = -np.inf
+        head["model"]["start"] = np.diag(np.asarray(p, float))
+        # told at run time, so that the compiler does not unroll every loop
+        head["model"]["states"], head["model"]["inputs"] = len(a), inputs
         head["epochs"], head["dirty"] = 1, np.inf
 
     def _fill(self, model: LinearModel, a: Floats) -> None:

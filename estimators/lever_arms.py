@@ -9,7 +9,7 @@ from estimators.attitude import attitude_at
 from flightlog.rotations import matrix
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def antenna(memory, t, e, n, u, ve, vn, vu, mount):
     """Position [m] and velocity [m/s] (e, n, u, ve, vn, vu) of the body origin from those of an antenna at `mount`."""
     q, w = attitude_at(memory, t)
@@ -22,7 +22,7 @@ def antenna(memory, t, e, n, u, ve, vn, vu, mount):
     return e - arm[0], n - arm[1], u - arm[2], ve - speed[0], vn - speed[1], vu - speed[2]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def ranger(memory, distance, mount, half_angle):
     """(height of the body origin [m] that an echo at `distance` means, height of the ranger above the origin [m]).
 
@@ -34,7 +34,7 @@ def ranger(memory, distance, mount, half_angle):
     return distance * math.cos(max(0.0, tilt - half_angle)) - lever, lever
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def pad_in_world(memory, t, x, y, z, covariance, mount, axes, grain, scale):
     """Position of the body origin over the mark's centre that a sighting means, and its covariance.
 

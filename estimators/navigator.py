@@ -11,6 +11,7 @@ acceleration 5.2 ms, from the notches and the mean of two samples that take the 
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from types import MappingProxyType
 from typing import Any, Protocol
 
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from estimators import altitude, position
 from estimators.altitude import AltitudeFilter, AltitudeNoise
-from estimators.attitude import AttitudeFilter, correct_axis, correct_azimuth, propagate
+from estimators.attitude import ATTITUDE, AttitudeFilter, coast, correct_axis, correct_azimuth, propagate
 from estimators.delayed_kalman import AHEAD, advance_memory
 from estimators.lever_arms import antenna, pad_in_world, ranger
 from estimators.position import PositionFilter, PositionNoise
@@ -28,7 +29,7 @@ from estimators.vision.horizon import HorizonSighting
 from estimators.vision.sighting import PadPrediction, PadSighting
 from flightlog.constants import GRAVITY
 from flightlog.equipment import Equipment
-from flightlog.rotations import angles, from_vector, matrix, multiply
+from flightlog.rotations import angles, matrix
 from flightlog.signals import (
     BaroSample,
     Frame,
@@ -48,6 +49,7 @@ Floats = NDArray[np.float64]
 BEFORE = 0.25  # [s] the filters begin so long before the first sample: late ones may be from before it
 LONGEST_GAP = 60.0  # [s] an inertial sample farther ahead has a broken stamp
 BLIND_NOISE = (1.0 / 0.03) ** 2  # without inertial samples: 1 m/s^2/sqrt(Hz) instead of 0.03
+ALIGNING_NOISE = 25.0  # until aligned: 0.15 m/s^2/sqrt(Hz)
 GRAIN = 0.003  # [m] neither mount nor pad are known better
 SCALE = 0.001  # [1] of the distance: focal length
 AID_FULL, AID_NONE = 0.6, 1.5  # [s] age of the last fix up to which, and from which on not, it levels the attitude
@@ -61,50 +63,28 @@ class FrontEnd(Protocol):
         ...
 
 
-@numba.njit(cache=True)
-def _inertial(attitude, height, place, t, fx, fy, fz, wx, wy, wz):
-    """One inertial sample through the three filters."""
-    p = place[0]
-    last = p.ring[(p.epochs - 1) % p.ring.shape[0]]
-    newest = -math.inf
-    for topic in range(last.accepted.shape[0]):
-        newest = max(newest, last.accepted[topic])
-    aid = min(1.0, max(0.0, (AID_NONE - (t - newest)) / (AID_NONE - AID_FULL)))
-    variance = 0.5 * (last.p[4, 4] + last.p[5, 5])
-    propagate(attitude, t, fx, fy, fz, wx, wy, wz, last.x[4], last.x[5], variance, aid)
-    a = attitude[0]
-    # until it is aligned the acceleration is taken for none, as in trimmed flight
-    noise = 1.0 if a.aligned == 1 else 100.0
+@numba.njit(cache=True, error_model="numpy")
+def _step(attitude, height, place, t, fx, fy, fz, wx, wy, wz, present):
+    """One inertial sample through the three filters; where it is not `present`, on to `t` without one."""
+    a, p = attitude[0], place[0]
+    if present:
+        last = p.ring[(p.epochs - 1) % p.ring.shape[0]]
+        newest = -math.inf
+        for topic in range(last.accepted.shape[0]):
+            newest = max(newest, last.accepted[topic])
+        aid = min(1.0, max(0.0, (AID_NONE - (t - newest)) / (AID_NONE - AID_FULL)))
+        variance = 0.5 * (last.p[4, 4] + last.p[5, 5])
+        propagate(attitude, t, fx, fy, fz, wx, wy, wz, last.x[4], last.x[5], variance, aid)
+        # until it is aligned the acceleration is taken for none, as in trimmed flight
+        noise = 1.0 if a.aligned == 1 else ALIGNING_NOISE
+    else:
+        coast(attitude, t)
+        noise = BLIND_NOISE
     advance_memory(height, t, a.inputs, noise)
     advance_memory(place, t, a.inputs, noise)
 
 
-@numba.njit(cache=True)
-def _coast(attitude, height, place, t):
-    """On to `t` without an inertial sample: the turning dies away, the acceleration is anything about none."""
-    a = attitude[0]
-    dt = t - a.t
-    a.t = t
-    for i in range(3):
-        a.raw_rate[i] *= math.exp(-dt / 0.1)
-        a.rates[i] = a.raw_rate[i]
-        a.mean_acceleration[i] = 0.0
-    a.inputs[:] = 0.0
-    q = multiply(a.q, from_vector(dt * a.raw_rate))
-    for i in range(4):
-        a.q[i] = q[i]
-    a.variance_level += (0.1 * dt) ** 2 + 2.0 * 0.1 * dt * math.sqrt(a.variance_level)
-    a.variance_heading += (0.1 * dt) ** 2 + 2.0 * 0.1 * dt * math.sqrt(a.variance_heading)
-    i = a.samples % a.times.shape[0]
-    a.times[i] = t
-    a.quaternions[i, :] = a.q
-    a.turning[i, :] = a.raw_rate
-    a.samples += 1
-    advance_memory(height, t, a.inputs, BLIND_NOISE)
-    advance_memory(place, t, a.inputs, BLIND_NOISE)
-
-
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _report(attitude, height, place):
     """Everything that a StateEstimate holds, in a row (32,); see `Navigator._estimate`."""
     a, h, p = attitude[0], height[0], place[0]
@@ -137,6 +117,27 @@ class HorizonEye(Protocol):
         ...
 
 
+@cache
+def _compile() -> None:
+    """Have every compiled function ready before the flight: each is called once, on memories of no flight."""
+    attitude = np.zeros(1, ATTITUDE)
+    attitude["period"], attitude["aligned"], attitude["notch_speed"] = 0.004, 1, 1.0
+    high, side = AltitudeFilter(AltitudeNoise(), 0.0), PositionFilter(PositionNoise(), 0.0)
+    _step(attitude, high.kalman.memory, side.kalman.memory, 0.004, 0.0, 0.0, 9.8, 0.0, 0.0, 0.0, True)
+    correct_azimuth(attitude, 0.0, 0.0, 20.0, -40.0)
+    correct_axis(attitude, 0.0, 0.0, 0.01)
+    place, axes = np.zeros(3), np.eye(3)
+    antenna(attitude, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, place)
+    ranger(attitude, 1.0, place, 0.1)
+    pad_in_world(attitude, 0.0, 0.0, 0.0, 1.0, axes, place, axes, GRAIN, SCALE)
+    high.vision(0.002, 1.0, 1.0)
+    side.vision(0.002, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0)
+    for kalman in (high.kalman, side.kalman):
+        kalman.refresh()
+        kalman.state_at(0.003)
+    _report(attitude, high.kalman.memory, side.kalman.memory)
+
+
 class Navigator:
     """Built from the sensors as known aboard.
 
@@ -150,7 +151,8 @@ class Navigator:
         front_end: FrontEnd | None = None,
         horizons: Mapping[str, HorizonEye] = MappingProxyType({}),
     ) -> None:
-        """Waits for the first samples."""
+        """Compiles what is not compiled yet, then waits for the first samples."""
+        _compile()
         self._equipment = equipment
         self._front_end = front_end
         self._horizons = horizons
@@ -227,7 +229,7 @@ class Navigator:
             self._waiting.clear()
         if not self._moved:
             self._time += self._period
-            _coast(self._attitude.memory, self._altitude.kalman.memory, self._position.kalman.memory, self._time)
+            self._step(self._time, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False)
         elif self._correct:
             self._altitude.kalman.refresh()
             self._position.kalman.refresh()
@@ -245,6 +247,10 @@ class Navigator:
         self._time = stamps[0] - self._period
         self._attitude.memory["t"] = self._time
         self._started = True
+
+    def _step(self, t: float, fx: float, fy: float, fz: float, wx: float, wy: float, wz: float, present: bool) -> None:
+        memories = self._attitude.memory, self._altitude.kalman.memory, self._position.kalman.memory
+        _step(*memories, t, fx, fy, fz, wx, wy, wz, present)
 
     def _estimate(self) -> StateEstimate:
         row = _report(self._attitude.memory, self._altitude.kalman.memory, self._position.kalman.memory)
@@ -273,10 +279,7 @@ class Navigator:
         if not (math.isfinite(fx + fy + fz + wx + wy + wz) and 1e-6 < ahead < LONGEST_GAP):
             self._refuse("imu")
             return
-        _inertial(
-            self._attitude.memory, self._altitude.kalman.memory, self._position.kalman.memory,
-            t, fx, fy, fz, wx, wy, wz,
-        )  # fmt: skip
+        self._step(t, fx, fy, fz, wx, wy, wz, True)
         self._time = t
         self._moved = True
 

@@ -11,7 +11,7 @@ import numba
 QUALITY = 3.0
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def design(coefficients, frequency, dt):
     """Write b0, b1, b2, a1, a2 of a notch at `frequency` [rad/s], sampled every `dt` [s], into `coefficients` (5,).
 
@@ -30,7 +30,7 @@ def design(coefficients, frequency, dt):
     coefficients[4] = (1.0 - k / QUALITY + k * k) * scale
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def settle(coefficients, memory, value):
     """Put `memory` (2,) where a constant input `value` would have brought it."""
     # direct form II transposed; the notch's gain at rest is 1
@@ -38,7 +38,7 @@ def settle(coefficients, memory, value):
     memory[0] = (coefficients[1] - coefficients[3]) * value + memory[1]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def step(coefficients, memory, value):
     """The next output for the input `value`; `memory` (2,) in place."""
     out = coefficients[0] * value + memory[0]

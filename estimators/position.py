@@ -82,10 +82,10 @@ def model(noise: PositionNoise) -> LinearModel:
         dynamics[A_E + axis, A_E + axis] = -1.0 / noise.accelerometer_tau
         inputs[VE + axis, axis] = 1.0
         inputs[D_E + axis, 3 + axis] = 1.0
-        density[D_E + axis, D_E + axis] = noise.tilt_walk**2
         density[A_E + axis, A_E + axis] = 2.0 * noise.accelerometer**2 / noise.accelerometer_tau
         density[G_E + axis, G_E + axis] = 2.0 * noise.gps_wander**2 / noise.gps_wander_tau
         driven[VE + axis, VE + axis] = noise.acceleration**2
+        driven[D_E + axis, D_E + axis] = noise.tilt_walk**2
     components = [
         Component(TOPIC_GPS, patience=10, jump=G_E),
         Component(TOPIC_GPS, patience=10, jump=G_N),
