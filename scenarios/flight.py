@@ -66,7 +66,7 @@ def fly(
     scenario: Scenario,
     *,
     seed: int | tuple[int, ...] = 0,
-    folder: Path | None = None,
+    folder: Path | str | None = None,
     cameras: bool = True,
     vehicle: Vehicle | None = None,
     aboard: Vehicle | None = None,
@@ -121,6 +121,7 @@ def fly(
                 raise UserError(f"{error}; flights without cameras (--no-cameras) need none of it") from error
         recording: Recording = Unrecorded()
         if folder is not None:
+            folder = Path(folder)
             recording = FolderRecording(folder, world, equipment, document, keep_frames=keep_frames)
         startup = time.perf_counter() - started
 

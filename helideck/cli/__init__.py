@@ -39,7 +39,7 @@ class Verb(Protocol):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `helideck` with these words (default: the process's own); the exit code."""
-    words = list(sys.argv[1:] if argv is None else argv) or ["--help"]
+    words = [*(sys.argv[1:] if argv is None else argv)] or ["--help"]  # `list` is one of the verbs' modules here
     as_json = "--json" in words
 
     def fail(message: str, code: int) -> int:
