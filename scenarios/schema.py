@@ -218,7 +218,7 @@ class Scenario(Strict):
     pad: Literal["h", "none"] = "h"
     scene: Literal["field", "sea"] = "field"
     horizon_dip: bool = False
-    navigator: str = "helideck"
+    navigator: Literal["helideck"] = "helideck"
     duration_s: float = Field(default=120.0, gt=0, le=3600)
     start: Start = Start()
     plan: Plan = Plan()
