@@ -88,6 +88,7 @@ ALIGNED = 0.012  # [rad] tilt error that is left: trimmed flight is not quite wi
 PLUMB_TAU = 0.5  # [s]
 PLUMB_GATE = 0.3  # [m/s^2] of the plumb line's length about gravity
 DEVIATION_TAU = 60.0  # [s] the magnetometer's deviation changes in: drift, and turns of the nose
+PLUMB_TRUST = 0.03  # [rad]
 COAST_TAU = 0.1  # [s] without an inertial sample the last rates are believed so long
 COAST_RATE = 0.1  # [rad/s] at which it may turn then
 MEASURED_FOR = 0.2  # [s] an azimuth stays in force until the next one
@@ -212,6 +213,10 @@ def propagate(memory, t, fx, fy, fz, wx, wy, wz, tilt_e, tilt_n, variance, aid):
     # R f off by g d means: turned too far by (-d_n, d_e) about east and north
     length = math.sqrt(a.plumb[0] ** 2 + a.plumb[1] ** 2 + a.plumb[2] ** 2)
     still = 1.0 if abs(length - GRAVITY) < PLUMB_GATE else 0.0
+    # what it shows beyond the tilt errors that are to be expected is a manoeuvre
+    expected = GRAVITY * max(PLUMB_TRUST, 3.0 * math.sqrt(a.variance_level))
+    shown = math.hypot(a.plumb[0], a.plumb[1])
+    still *= expected / shown if shown > expected else 1.0
     gain, unaided = aid * a.gain, (1.0 - aid) * still * a.gain_unaided
     correction = np.empty(3)
     correction[0] = gain * tilt_n + unaided * a.plumb[1] / GRAVITY
