@@ -26,7 +26,7 @@ from estimators.vision.pose import (
     wrap_axis,
 )
 from estimators.vision.sighting import PadPrediction, PadSighting
-from estimators.vision.threshold import above, class_contrast, local_mask, modified_otsu, otsu
+from estimators.vision.threshold import above, class_contrast, local_mask, lower_otsu, modified_otsu, otsu
 from flightlog.camera import CameraModel, CameraMount
 from flightlog.marks import HMark
 
@@ -40,6 +40,9 @@ SHARPEST_REACH = 10.0  # [px] search on one level of the pyramid
 RAGGED = 0.9  # [px] RMS beyond which edges are not the mark's; chance edges give 1.7
 LEAST_CONTRAST = 8.0  # [grey levels]
 LOCAL_MARGIN = 12.0  # [grey levels] above the surroundings' mean
+# share of the model's edge points that must agree: a U or a window laid over an H reaches 0.65, an H with a fifth of
+# its area hidden 0.68
+FOLLOWED, FOUND = 0.67, 0.75
 GATE = 5.0  # standard deviations between prediction and a cut or tracked mark
 
 
@@ -163,7 +166,7 @@ class HMarkFrontEnd:
 
     def _agrees(self, fit: EdgeFit, start: MarkPose, std: Floats) -> bool:
         """Whether a followed mark is good enough, and where it was expected."""
-        if not self._sound(fit, share=0.5):
+        if not self._sound(fit, share=FOLLOWED):
             return False
         difference = np.append(fit.pose.position - start.position, fit.pose.angle - start.angle)
         fitted = np.sqrt(np.diag(fit.covariance))
@@ -259,6 +262,9 @@ class HMarkFrontEnd:
             if raised is not None and abs(raised - plain) > 2:
                 yield above(region, raised), 1
             yield above(region, plain, below=True), -1
+            lower = lower_otsu(region, plain)
+            if lower is not None:
+                yield above(region, lower), 1
         window = int(min(max(min(region.shape) // 3, 31), 121)) | 1
         yield local_mask(region, window, LOCAL_MARGIN), 1
         yield local_mask(np.asarray(cv2.bitwise_not(region), np.uint8), window, LOCAL_MARGIN), -1
@@ -295,7 +301,7 @@ class HMarkFrontEnd:
             factor *= 2
         prior = np.array([0.2 * depth, 0.2 * depth, 0.3 * depth, 0.5])
         fit = self._refine(image, level, start, prior, 6.0 * factor, factor, polarity)
-        if fit is None or not self._sound(fit, share=0.75) or fit.used < 60:
+        if fit is None or not self._sound(fit, share=FOUND) or fit.used < 60:
             return None
         # a small shape is fitted by chance more easily
         if fit.residual > 0.02 * self._size * self.camera.fy / fit.pose.position[2]:

@@ -51,18 +51,14 @@ class HorizonFrontEnd:
         s = SEARCH_SCALE
         self._size = (camera.width // s, camera.height // s)
         # the search picture: without the lens, pixel centres at integers
-        self._k = np.array(
-            [
-                [camera.fx / s, 0, (camera.cx + 0.5) / s - 0.5],
-                [0, camera.fy / s, (camera.cy + 0.5) / s - 0.5],
-                [0, 0, 1],
-            ]
-        )
-        self._maps: tuple[NDArray[np.generic], NDArray[np.generic]] | None = None
+        cx, cy = (camera.cx + 0.5) / s - 0.5, (camera.cy + 0.5) / s - 0.5
+        self._k = np.array([[camera.fx / s, 0.0, cx], [0.0, camera.fy / s, cy], [0.0, 0.0, 1.0]])
+        self._maps: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
         if camera.distorted:
-            self._maps = cv2.initUndistortRectifyMap(
-                self._k, np.array(camera.distortion), np.eye(3), self._k, self._size, cv2.CV_16SC2
+            x, y = cv2.initUndistortRectifyMap(
+                self._k, np.array(camera.distortion), np.eye(3), self._k, self._size, cv2.CV_32FC1
             )
+            self._maps = np.asarray(x, np.float32), np.asarray(y, np.float32)
 
     def see(self, image: Image) -> HorizonSighting | None:
         """The horizon in a picture (H, W, 3) RGB or (H, W), or None."""

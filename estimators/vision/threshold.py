@@ -50,6 +50,14 @@ def otsu(grey: Image) -> int:
     return int(level)
 
 
+def lower_otsu(grey: Image, level: int) -> int | None:
+    """Otsu's threshold among the pixels up to `level`: parts a shadowed mark from a dark pad. None: nothing to part."""
+    lower = grey[grey <= level]
+    if lower.size < 2 or lower.min() == lower.max():
+        return None
+    return otsu(lower.reshape(1, -1))
+
+
 def class_contrast(grey: Image, level: int) -> float:
     """Difference [grey levels] between the means above a threshold and up to it; 0 where a class is empty."""
     counts = histogram(grey)
