@@ -46,6 +46,7 @@ def suspect(
     largest, culprit = 0.0, ""
     for _ in range(INSTANTS):
         sense_motion(s, qpos, qvel, wind, *surface)
+        s["time"] += TICK
         s["collective"], s["lateral"], s["longitudinal"], s["tail"], s["throttle"] = controls
         s["ground"], s["mass"] = 1.0, v["mass"]
         s["force"][:] = s["moment"][:] = 0.0

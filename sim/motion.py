@@ -1,6 +1,5 @@
 """One physics tick of the model: the vehicle's motion in, the generalised force on its free joint out."""
 
-import math
 
 import numba
 from numba import types
@@ -9,6 +8,8 @@ from flightlog.atmosphere import density_at
 from flightlog.rotations import matrix
 from sim.pipeline import run
 from sim.terms.contract import GEOMETRY, KERNEL, SIGNALS
+
+BEYOND = 1e9  # in SI, whatever it is: no position, speed or force of a flight comes near
 
 _signals = numba.from_dtype(SIGNALS)
 _geometry = numba.from_dtype(GEOMETRY)
@@ -82,10 +83,10 @@ def observe(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def finite(qpos, qvel, rotor_speed):  # type: ignore[no-untyped-def]
-    """Whether the state is still one of numbers."""
-    total = rotor_speed
+    """Whether these are still numbers that a machine could have: neither NaN nor beyond all bounds."""
+    total = abs(rotor_speed)
     for value in qpos:
-        total += value
+        total += abs(value)
     for value in qvel:
-        total += value
-    return math.isfinite(total)
+        total += abs(value)
+    return total < BEYOND

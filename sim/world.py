@@ -208,6 +208,8 @@ class World:
         self._air = a.step(float(self._qpos[2]), airspeed, STEP, self.t)
         sent = tuple(controls)
         self._sound = self.signals.copy(), self.pipeline.state.copy()
+        if not math.isfinite(sum(sent)):
+            self._diverged()  # the servos' stops would make a number of it
         for _ in range(TICKS_PER_STEP):
             advance(
                 self.pipeline.kernels,
