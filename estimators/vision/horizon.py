@@ -25,6 +25,7 @@ STEEPEST = math.radians(65.0)  # slope of the line in the picture
 MOST_LINES = 12
 SIDE = 5.0  # [px] of the search picture: how far beside a line its two sides are compared
 REACH = 8.0  # [px] search along the normals: Hough's bins, and hills
+COARSE = 6  # every so many pixels of the search picture tell sky from ground over all of it
 POINTS = 200  # along the line
 LEAST_SUPPORT = 0.5  # share of the line's points at which the two sides differ as they do on the whole
 LEAST_CONTRAST = 6.0  # [grey levels]
@@ -53,6 +54,8 @@ class HorizonFrontEnd:
         # the search picture: without the lens, pixel centres at integers
         cx, cy = (camera.cx + 0.5) / s - 0.5, (camera.cy + 0.5) / s - 0.5
         self._k = np.array([[camera.fx / s, 0.0, cx], [0.0, camera.fy / s, cy], [0.0, 0.0, 1.0]])
+        y, x = np.mgrid[0 : self._size[1] : COARSE, 0 : self._size[0] : COARSE]
+        self._grid = np.column_stack([x.ravel(), y.ravel()]).astype(float)
         self._maps: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
         if camera.distorted:
             x, y = cv2.initUndistortRectifyMap(
@@ -123,14 +126,15 @@ class HorizonFrontEnd:
         support = float(np.mean(difference @ mean > 0.4 * mean @ mean))
         if support < LEAST_SUPPORT:
             return 0.0, channel, 1.0
-        coarse = layers[::6, ::6].astype(float)
-        y, x = np.mgrid[0:height:6, 0:width:6]
-        sky = x * c + y * s < rho
-        if sky.all() or not sky.any():
+        sky = self._grid @ [c, s] < rho
+        number = np.array([np.count_nonzero(sky), np.count_nonzero(~sky)])
+        if not number.all():
             return 0.0, channel, 1.0
-        upper, lower = coarse[sky], coarse[~sky]
-        apart = float(np.sum((upper.mean(axis=0) - lower.mean(axis=0)) ** 2))
-        within_variance = float((upper.var(axis=0).sum() * len(upper) + lower.var(axis=0).sum() * len(lower)) / x.size)
+        coarse = layers[::COARSE, ::COARSE].reshape(len(self._grid), -1).astype(float)
+        parts = np.stack([sky, ~sky]).astype(float)
+        means = parts @ coarse / number[:, None]
+        apart = float(np.sum((means[0] - means[1]) ** 2))
+        within_variance = float((np.sum(coarse**2) - np.sum(number[:, None] * means**2)) / len(coarse))
         return support * apart / (within_variance + 1.0), channel, float(np.sign(mean[channel]))
 
     def _refined(self, layer: Image, up: Floats, sign: float) -> HorizonSighting | None:
