@@ -53,12 +53,12 @@ def suspect(
         for term, (first, last, low, high) in zip(pipeline.terms, pipeline.spans, strict=True):
             force, moment = s["force"].copy(), s["moment"].copy()
             term.kernel(s, v, x[first:last], pipeline.parameters[low:high], TICK)
-            for name in SIGNALS.names or ():
-                if not np.isfinite(s[name]).all():
-                    return f"term {term.name!r}, which makes {name!r} {np.ravel(s[name]).tolist()}"
             for name, value in zip(term.states, x[first:last], strict=True):
                 if not math.isfinite(value):
                     return f"term {term.name!r}, whose state {name!r} is {value}"
+            for name in SIGNALS.names or ():
+                if not np.isfinite(s[name]).all():
+                    return f"term {term.name!r}, which makes {name!r} {np.ravel(s[name]).tolist()}"
             size = max(
                 float(np.abs(s["force"] - force).max()) / HUGE_FORCE,
                 float(np.abs(s["moment"] - moment).max()) / HUGE_MOMENT,
