@@ -121,7 +121,8 @@ def _row(*states: int) -> Floats:
 class AltitudeFilter:
     """The filter and its choice of measurements. Heights are of the body origin above the pad's plane [m]."""
 
-    AGREEING, OUT_OF = 4, 6  # so many of the ranger's last samples must have agreed
+    AGREEING, OUT_OF = 4, 6  # so many of the ranger's last samples must agree with the filter, and
+    TOGETHER = 0.15  # [m] with each other as closely; a filter that is unsure agrees with any echo
     INSISTING = 20  # so many echoes in a row that agree with each other outvote the filter
     SILENCE = 1.0  # [s] without an echo the ranger must convince anew
     FORLORN = 2.0  # [s] without another height the barometer is heard even near the ground
@@ -137,15 +138,11 @@ class AltitudeFilter:
         self.deviation = 100.0  # [m] its standard deviation
         self.height_time = -math.inf  # [s] of the last height that was not the barometer's
         self._rows = (_row(H, B_Q), _row(H, B_G), _row(V), _row(H), _row(H))
-        self._agreed: deque[bool] = deque(maxlen=self.OUT_OF)
+        self._agreed: deque[float] = deque(maxlen=self.OUT_OF)  # misses [m] of the last samples, NaN beyond the gate
+        self._believed = False
         self._misses: deque[float] = deque(maxlen=self.INSISTING)
         self._insisted = False
         self._last_echo = -math.inf
-
-    @property
-    def echoes_confirmed(self) -> bool:
-        """Whether the ranger is believed."""
-        return self._insisted or sum(self._agreed) >= self.AGREEING
 
     def baro(self, t: float, height: float) -> bool:
         """Height by equation 8 [m]; False where it is not used."""
@@ -176,20 +173,33 @@ class AltitudeFilter:
         if heard:
             self._last_echo = t
         elif t - self._last_echo > self.SILENCE:
-            self._insisted = False
+            self._insisted = self._believed = False
         gate = max(0.15, 4.0 * math.sqrt(variance + self.deviation**2))
-        self._agreed.append(heard and abs(miss) <= gate)
+        self._agreed.append(miss if heard and abs(miss) <= gate else math.nan)
         self._misses.append(miss)
-        if not heard:
-            return True
-        if not self._insisted and len(self._misses) == self.INSISTING:
-            misses = np.array(self._misses)
-            if np.all(np.isfinite(misses)) and abs(float(np.mean(misses))) > gate and float(np.std(misses)) < 0.1:
-                self._insisted = True
-                self.mode = Mode.NEAR
-        if self.mode is Mode.NEAR and self.echoes_confirmed:
+        if not self._believed:
+            self._believed = self._insists(gate) or self._convinces()
+        elif all(map(math.isnan, self._agreed)) and not self._insisted:
+            self._believed = False
+        if heard and self._believed and self.mode is Mode.NEAR:
             return self.kalman.insert(t, SONAR, self._rows[SONAR], height, variance) == TAKEN
         return True
+
+    def _convinces(self) -> bool:
+        """Whether the last echoes agree with the filter and with each other."""
+        agreed = [miss for miss in self._agreed if not math.isnan(miss)]
+        return len(agreed) >= self.AGREEING and max(agreed) - min(agreed) <= self.TOGETHER
+
+    def _insists(self, gate: float) -> bool:
+        """Whether the last echoes agree with each other and not with the filter, which then has gone astray."""
+        misses = self._misses
+        if len(misses) < self.INSISTING or not all(map(math.isfinite, misses)):
+            return False
+        mean = sum(misses) / len(misses)
+        self._insisted = abs(mean) > gate and max(abs(miss - mean) for miss in misses) < 2.0 * self.TOGETHER
+        if self._insisted:
+            self.mode = Mode.NEAR
+        return self._insisted
 
     def choose(self, lever: float) -> None:
         """The set of measurements that fits the predicted height."""
@@ -199,5 +209,6 @@ class AltitudeFilter:
                 self.mode = Mode.NEAR
         elif reach > self.noise.reach_high and not self._insisted:
             self.mode = Mode.HIGH
+            self._believed = False
         if self._insisted and reach < self.noise.reach_low:
             self._insisted = False  # the filter has come round
