@@ -52,7 +52,7 @@ def pad_in_world(memory, t, x, y, z, covariance, mount, axes, grain, scale):
     c = turn @ covariance @ turn.T
     e, n, u = -arm[0], -arm[1], -arm[2]
     a = memory[0]
-    level, heading = a.variance_level, min(a.variance_heading, 0.01)
+    level, heading = a.variance_level, min(a.variance_heading, 2.0)  # unknown: anywhere on a circle
     fixed = grain * grain
     c_ee = c[0, 0] + fixed + scale * scale * e * e + heading * n * n
     c_nn = c[1, 1] + fixed + scale * scale * n * n + heading * e * e

@@ -42,7 +42,9 @@ class Lift:
             if k % 5 == 0 and self.baro:
                 f.baro(t, h + self.baro_error(t, h) + 0.1 * rng.standard_normal())
             if k % 50 == 0 and self.gps:
-                f.gps(t, h + self.gps_error(t) + 0.04 * rng.standard_normal(), climb + 0.05 * rng.standard_normal(), 1.0)
+                f.gps(
+                    t, h + self.gps_error(t) + 0.04 * rng.standard_normal(), climb + 0.05 * rng.standard_normal(), 1.0
+                )
             if k % 10 == 0 and self.sees:
                 f.vision(t, h + 0.003 * rng.standard_normal(), 0.004**2)
             if k % 12 == 0 and self.echoes:
