@@ -30,7 +30,7 @@ Picture = NDArray[np.uint8]
 
 
 def poses(folder: Path) -> list[NDArray[np.float64]]:
-    """qpos (7,) at HEIGHTS on the way down."""
+    """Free joint positions (7,) at HEIGHTS on the way down."""
     state = read_flight(folder).truth["state"]
     start = int(np.flatnonzero(state["u"] > 9.0)[-1])
     rows = [start + int(np.argmin(np.abs(state["u"][start:] - height))) for height in HEIGHTS]
@@ -41,6 +41,7 @@ def poses(folder: Path) -> list[NDArray[np.float64]]:
 
 
 def main() -> None:
+    """Fly, render, and put the pictures together."""
     scenario = load("landing")
     vehicle = vehicles.load(scenario.vehicle)
     with tempfile.TemporaryDirectory() as place:

@@ -45,7 +45,8 @@ def _shape(model: mujoco.MjModel, geom: int) -> tuple[Floats, Triangles]:
             mesh = model.geom_dataid[geom]
             first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
             face, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
-            return model.mesh_vert[first : first + count].astype(float), model.mesh_face[face : face + faces].astype(int)
+            vertices = model.mesh_vert[first : first + count].astype(float)
+            return vertices, model.mesh_face[face : face + faces].astype(int)
         case mujoco.mjtGeom.mjGEOM_BOX:
             return _prism(np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * size[:2], size[2])
         case mujoco.mjtGeom.mjGEOM_CYLINDER | mujoco.mjtGeom.mjGEOM_CAPSULE:

@@ -49,8 +49,8 @@ class Site:
 class Sensor(Protocol):
     """One device: called at each of its own sampling instants.
 
-    Every sensor declares `rate` [Hz] (a divisor of 500) and `latency` [s] (default 0) among its PARAMETERS; `position` (3,)
-    [m] is its mount in body axes. `numbers` holds a value for each of PARAMETERS by name, SI, and may be changed in
+    Every sensor declares `rate` [Hz] (a divisor of 500) and `latency` [s] (default 0) among its PARAMETERS; `position`
+    (3,) [m] is its mount in body axes. `numbers` holds a value for each of PARAMETERS by name, SI, and may be changed in
     flight by a scripted fault: read it at every sample. All randomness comes from `rng`; what the device draws for
     the whole flight (a bias) it draws in the constructor.
     """
@@ -60,7 +60,9 @@ class Sensor(Protocol):
     ERRORS: ClassVar[tuple[tuple[str, str], ...]]  # (name, unit) of its true fault states
     numbers: dict[str, float]
 
-    def __init__(self, numbers: Mapping[str, float], position: Floats, site: Site, rng: np.random.Generator) -> None: ...
+    def __init__(
+        self, numbers: Mapping[str, float], position: Floats, site: Site, rng: np.random.Generator
+    ) -> None: ...
 
     def sample(self, truth: Truth) -> Measurement | None:
         """What the device says of `truth`; None where it says nothing."""

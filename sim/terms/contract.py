@@ -20,7 +20,7 @@ from sim.parameters import Parameter
 SIGNALS = np.dtype(
     [
         ("time", "f8"),  # [s]
-        # controls: as sent at the pipeline's entry, as they stand at the swash plate behind the servo stage [rad], [0..1]
+        # controls [rad], [0..1]: as sent at the pipeline's entry, as they stand at the swash plate behind the servos
         ("collective", "f8"),
         ("lateral", "f8"),
         ("longitudinal", "f8"),
