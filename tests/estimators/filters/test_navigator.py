@@ -213,6 +213,14 @@ def test_a_sensor_that_never_speaks_is_done_without(synthetic, equipment: Equipm
         assert np.all(np.abs(track.position[late]) < 4.5 * track.std_position[late] + 0.01)
 
 
+def test_the_barometer_alone_gives_the_height_of_the_body_not_of_its_port(synthetic, equipment: Equipment) -> None:
+    flight = synthetic.fly(2, synthetic.Recipe(duration=6.0, errors=0.0, vibration=0.0))
+    for kind in (PadSample, GpsSample, SonarSample):
+        flight = flight.drop(kind)
+    track = follow(flight, equipment)
+    assert np.abs(track.position[track.after(2.0), 2]).max() < 0.02
+
+
 def test_nothing_at_all_gives_a_state_that_knows_nothing(equipment: Equipment) -> None:
     navigator = Navigator(equipment)
     for _ in range(500):
