@@ -25,7 +25,6 @@ from flightlog.atmosphere import density_at
 from flightlog.equipment import Equipment
 from flightlog.errors import UserError
 from flightlog.signals import Controls, Measurement, StateEstimate
-from flightlog.toml_file import nearest
 from scenarios.schema import Scenario
 from sim.linearisation import linearise, trim
 from sim.pipeline import Pipeline
@@ -80,7 +79,6 @@ class Pilot(Protocol):
         ...
 
 
-NAVIGATORS = ("helideck",)  # the names that a scenario may give
 NEEDED = ("imu", "rotor")  # sensors without which nobody flies: attitude, and the governor's speed
 PILOTED = ("servo", "engine", "main_rotor", "tail_rotor")  # terms whose numbers the pilot's design takes
 
@@ -90,8 +88,6 @@ PilotMaker = Callable[[Vehicle, Site, Scenario, float], Pilot]
 
 def make_navigator(equipment: Equipment, scenario: Scenario, sees: bool) -> Navigator:
     """The navigator that the scenario names; `sees`: pictures will come."""
-    if scenario.navigator not in NAVIGATORS:
-        raise UserError(f"navigator: there is no {scenario.navigator!r}; {nearest(scenario.navigator, NAVIGATORS)}")
     for topic in NEEDED:
         if topic not in equipment.sensors:
             raise UserError(f"sensors.{topic}: is missing: the navigator {scenario.navigator!r} cannot do without")

@@ -111,7 +111,10 @@ class Cameras(Strict):
 def _sensor_table(topic: str) -> type[BaseModel]:
     """Keys of a sensor's table: each of its parameters, with its unit in the name."""
     fields: dict[str, Any] = {
-        parameter.scenario_key: (float | None, Field(default=None, ge=parameter.low, le=parameter.high))
+        parameter.scenario_key: (
+            float | None,
+            Field(default=None, ge=parameter.low, le=parameter.high, allow_inf_nan=math.isinf(parameter.high)),
+        )
         for parameter in SENSORS[topic].PARAMETERS
     }
     return create_model(f"Sensor_{topic}", __base__=Strict, **fields)

@@ -4,11 +4,11 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import Annotated, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict
+from pydantic import AllowInfNan, BaseModel, ConfigDict
 
 from flightlog import toml_file
 from flightlog.errors import UserError
@@ -27,7 +27,7 @@ class Strict(BaseModel):
 class Number(Strict):
     """A number of the vehicle file; a vector where its key is one."""
 
-    value: float | list[float]
+    value: Annotated[float, AllowInfNan(True)] | list[float]  # some numbers may be inf; whoever reads one checks it
     unit: str
     tolerance: float | list[float] = 0.0  # one standard deviation of what the maker does not know
     source: str = ""
@@ -44,11 +44,15 @@ class Reader:
         """Say what is wrong with a key."""
         raise UserError(f"{toml_file.place(self.path, key, self.settings)}: {what}")
 
-    def scalar(self, number: Number, unit: str, key: str, *, positive: bool = False) -> float:
+    def scalar(
+        self, number: Number, unit: str, key: str, *, positive: bool = False, finite: bool = True
+    ) -> float:
         """One number in `unit`."""
         if isinstance(number.value, list):
             self.fail(key, f"must be one number in {unit} (got {number.value})")
         value = self._si(number.value, number.unit, unit, key)
+        if finite and not math.isfinite(value):
+            self.fail(key, f"must be a finite number (got {value})")
         if positive and value <= 0.0:
             self.fail(key, f"must be more than 0 {unit} (got {value:g})")
         return value
@@ -79,7 +83,7 @@ class Reader:
         for parameter in known:
             key = f"{section}.{parameter.name}"
             if parameter.name in given:
-                value = self.scalar(given[parameter.name], parameter.unit, key)
+                value = self.scalar(given[parameter.name], parameter.unit, key, finite=False)
             elif parameter.default is not None:
                 value = parameter.default
             else:
@@ -92,9 +96,6 @@ class Reader:
 
     def _si(self, value: float, unit: str, wanted: str, key: str) -> float:
         try:
-            si = to_si(value, unit, wanted)
+            return to_si(value, unit, wanted)
         except ValueError as error:
             self.fail(key, str(error))
-        if not math.isfinite(si):
-            self.fail(key, f"must be a finite number (got {value})")
-        return si

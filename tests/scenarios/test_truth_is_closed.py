@@ -36,8 +36,8 @@ class Noise:
         return {field.name: getattr(holder, field.name) for field in fields(holder)}
 
     def _arrays(self, holder):
-        return [v for k, v in self._slots(holder).items()
-                if isinstance(v, np.ndarray) and v.dtype.kind == "f" and v.flags.writeable and k not in MACHINERY]  # fmt: skip
+        arrays = [v for k, v in self._slots(holder).items() if isinstance(v, np.ndarray) and k not in MACHINERY]
+        return [array for array in arrays if array.dtype.kind == "f" and array.flags.writeable]
 
     def __enter__(self):
         self.kept = [a.copy() for a in self.arrays]
@@ -91,7 +91,7 @@ def test_noise_in_place_of_truth_changes_no_control(watch, scenario):
     "peek",
     [
         lambda world, state: replace(state, position=0.99 * state.position + 0.01 * world.truth.position),
-        lambda world, state: replace(state, rotor_speed=0.99 * state.rotor_speed + 0.01 * float(world.signals["rotor_speed"])),
+        lambda world, state: replace(state, rotor_speed=state.rotor_speed + 1e-3 * float(world.signals["thrust"])),
         lambda world, state: replace(state, velocity=state.velocity - 0.001 * world._air),
         lambda world, state: replace(state, position=state.position + 0.001 * world.sensor_errors()["baro"][0]),
         lambda world, state: replace(state, heading=state.heading + 1e-6 * world.data.qpos[2]),
