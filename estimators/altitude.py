@@ -2,13 +2,13 @@
 
 Lei et al. 2012, equations 15 to 27, extended: the published state is height and barometer bias; here it is
 
-    x = [h, v, b_a, b_q, b_g]
+    x = [h, v, b_a, b_q, b_g, s]
 
 height of the body origin above the pad's plane, climb rate, vertical error of the acceleration, bias of the barometer,
-bias of the GPS height. The measurements, all of h:
+bias of the GPS height, scale error of vision (focal length, edges that bleed). The measurements, all of h:
 
-    high:  baro h + b_q    GPS h + b_g    vision h              (equations 15, 16)
-    near:  GPS h + b_g     vision h       ranger h              (equations 17, 18; the barometer is shut out)
+    high:  baro h + b_q    GPS h + b_g    vision h (1 + s)      (equations 15, 16)
+    near:  GPS h + b_g     vision h (1 + s)    ranger h         (equations 17, 18; the barometer is shut out)
 
 Which set is used follows from the PREDICTED height with hysteresis, not from what the ranger says, since beyond its
 reach the ranger answers with echoes from nowhere. Nor is it believed at once when it should have come into reach: so
@@ -30,7 +30,7 @@ from flightlog.equipment import Equipment
 
 Floats = NDArray[np.float64]
 
-H, V, B_A, B_Q, B_G = range(5)  # states
+H, V, B_A, B_Q, B_G, S = range(6)  # states
 BARO, GPS, GPS_CLIMB, VISION, SONAR = range(5)  # components
 TOPIC_BARO, TOPIC_GPS, TOPIC_VISION, TOPIC_SONAR = range(4)
 
@@ -58,6 +58,7 @@ class AltitudeNoise:
     gps_wander: float = 0.25  # [m]
     gps_wander_tau: float = 60.0  # [s]
     climb: float = 0.05  # [m/s] white, of the GPS
+    scale: float = 0.0015  # [1] of vision: the same in every picture, so it does not average out
     reach_low: float = 2.7  # [m] predicted range of the ranger below which the near set is used
     reach_high: float = 3.0  # [m] and above which it is left
 
@@ -92,15 +93,15 @@ class AltitudeNoise:
 
 def model(noise: AltitudeNoise) -> LinearModel:
     """The derivatives are h' = v, v' = a - b_a; b_a a Gauss-Markov process; the biases walk as far as their wander."""
-    dynamics = np.zeros((5, 5))
+    dynamics = np.zeros((6, 6))
     dynamics[H, V], dynamics[V, B_A], dynamics[B_A, B_A] = 1.0, -1.0, -1.0 / noise.acceleration_bias_tau
-    inputs = np.zeros((5, INPUTS))
+    inputs = np.zeros((6, INPUTS))
     inputs[V, 2] = 1.0
-    density = np.zeros((5, 5))
+    density = np.zeros((6, 6))
     density[B_A, B_A] = 2.0 * noise.acceleration_bias**2 / noise.acceleration_bias_tau
     density[B_Q, B_Q] = 2.0 * noise.baro_drift**2 / noise.baro_drift_tau
     density[B_G, B_G] = 2.0 * noise.gps_wander**2 / noise.gps_wander_tau
-    driven = np.zeros((5, 5))
+    driven = np.zeros((6, 6))
     driven[V, V] = noise.acceleration**2
     components = [
         Component(TOPIC_BARO, patience=50, jump=B_Q),
@@ -113,7 +114,7 @@ def model(noise: AltitudeNoise) -> LinearModel:
 
 
 def _row(*states: int) -> Floats:
-    row = np.zeros(5)
+    row = np.zeros(6)
     row[list(states)] = 1.0
     return row
 
@@ -131,8 +132,8 @@ class AltitudeFilter:
     def __init__(self, noise: AltitudeNoise, t: float) -> None:
         """Starts at `t` [s], knowing nothing of the height."""
         self.noise = noise
-        start = [100.0, 3.0, noise.acceleration_bias, noise.baro_bias, noise.gps_bias]
-        self.kalman = DelayedKalman(model(noise), t, np.zeros(5), np.diag(np.square(start)))
+        start = [100.0, 3.0, noise.acceleration_bias, noise.baro_bias, noise.gps_bias, noise.scale]
+        self.kalman = DelayedKalman(model(noise), t, np.zeros(6), np.diag(np.square(start)))
         self.mode = Mode.HIGH
         self.height = 0.0  # [m] as of the last report, for the choice of measurements
         self.deviation = 100.0  # [m] its standard deviation
@@ -163,7 +164,9 @@ class AltitudeFilter:
 
     def vision(self, t: float, height: float, variance: float) -> bool:
         """Height above the pad seen [m] and its variance [m^2]."""
-        return self.kalman.insert(t, VISION, self._rows[VISION], height, variance) == TAKEN
+        row = self._rows[VISION]
+        row[S] = height
+        return self.kalman.insert(t, VISION, row, height, variance) == TAKEN
 
     def sonar(self, t: float, height: float, variance: float, lever: float) -> bool:
         """Height [m] that an echo means, NaN without one; the ranger sits `lever` [m] above the body origin."""

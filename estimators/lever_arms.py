@@ -39,9 +39,9 @@ def pad_in_world(memory, t, x, y, z, covariance, mount, axes, grain, scale):
     """Position of the body origin over the mark's centre that a sighting means, and its covariance.
 
     x, y, z [m]: the centre in camera axes; covariance (3, 3); mount (3,), axes (3, 3) of the camera in the body.
-    Returns e, n, u [m] and ee, en, nn, uu [m^2]. Added: `grain` [m] in all directions, `scale` of the distance, heading
-    error times the lateral distance, tilt error times the lateral distance in height; the tilt error times the height
-    is a state of the position filter.
+    Returns e, n, u [m] and ee, en, nn, uu [m^2]. Added: `grain` [m] in all directions, `scale` and heading error times
+    the lateral distance, tilt error times the lateral distance in height. Tilt error and scale times the height are
+    states of the filters.
     """
     q, _ = attitude_at(memory, t)
     r = matrix(q)
@@ -57,5 +57,5 @@ def pad_in_world(memory, t, x, y, z, covariance, mount, axes, grain, scale):
     c_ee = c[0, 0] + fixed + scale * scale * e * e + heading * n * n
     c_nn = c[1, 1] + fixed + scale * scale * n * n + heading * e * e
     c_en = c[0, 1] - heading * e * n
-    c_uu = c[2, 2] + fixed + scale * scale * u * u + level * (e * e + n * n)
+    c_uu = c[2, 2] + fixed + level * (e * e + n * n)
     return e, n, u, c_ee, c_en, c_nn, c_uu

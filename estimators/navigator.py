@@ -51,7 +51,7 @@ LONGEST_GAP = 60.0  # [s] an inertial sample farther ahead has a broken stamp
 BLIND_NOISE = (1.0 / 0.03) ** 2  # without inertial samples: 1 m/s^2/sqrt(Hz) instead of 0.03
 ALIGNING_NOISE = 25.0  # until aligned: 0.15 m/s^2/sqrt(Hz)
 GRAIN = 0.003  # [m] neither mount nor pad are known better
-SCALE = 5e-4  # [1] of the distance: focal length
+SCALE = 1e-3  # [1] of the lateral distance: focal length
 AID_FULL, AID_NONE = 0.6, 1.5  # [s] age of the last fix up to which, and from which on not, it levels the attitude
 
 

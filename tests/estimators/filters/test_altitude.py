@@ -24,7 +24,7 @@ class Lift:
         self.baro_error: Callable[[float, float], float] = lambda t, h: 0.4
         self.gps_error: Callable[[float], float] = lambda t: -0.5
         self.sees, self.echoes, self.baro, self.gps = True, True, True, True
-        self.false_echo = 0.05
+        self.false_echo, self.scale = 0.05, 1.0
         self.t = 0.0
         self.modes: list[Mode] = []
 
@@ -46,7 +46,7 @@ class Lift:
                     t, h + self.gps_error(t) + 0.04 * rng.standard_normal(), climb + 0.05 * rng.standard_normal(), 1.0
                 )
             if k % 10 == 0 and self.sees:
-                f.vision(t, h + 0.003 * rng.standard_normal(), 0.004**2)
+                f.vision(t, self.scale * h + 0.003 * rng.standard_normal(), 0.004**2)
             if k % 12 == 0 and self.echoes:
                 reach = h + SONAR_LEVER
                 if reach <= 3.05:
@@ -169,17 +169,34 @@ def test_what_only_differs_in_bias_is_told_apart_by_vision_alone(filter_: Altitu
     assert 0.3 < filter_.deviation < 0.8
     lift.sees = True
     lift.run(22.0)
-    assert filter_.deviation < 0.01
+    assert filter_.deviation < 0.02
+
+
+def test_the_scale_of_vision_does_not_average_out_but_comes_down_with_the_height(filter_: AltitudeFilter) -> None:
+    lift = Lift(filter_, descent(10.0, 1.0, 20.0, 35.0))
+    lift.scale = 1.003
+    lift.run(20.0)
+    assert 0.008 < filter_.deviation < 0.02
+    assert abs(lift.filter.height - 10.0) < 3.5 * filter_.deviation
+    lift.echoes = False
+    assert abs(lift.run(36.0)) < 0.006
 
 
 def test_high_mode_is_the_published_filter_where_that_can_be(equipment: Equipment) -> None:
     """Equations 15 and 16 by filterpy: hovering, with the same noise and no acceleration, the same height."""
     noise = AltitudeNoise(
-        acceleration=1e-6, acceleration_bias=1e-9, baro_drift=1e-9, gps_bias=1e-9, gps_wander=1e-9, baro=0.1, gps=0.165
+        acceleration=1e-6,
+        acceleration_bias=1e-9,
+        baro_drift=1e-9,
+        gps_bias=1e-9,
+        gps_wander=1e-9,
+        baro=0.1,
+        gps=0.165,
+        scale=1e-9,
     )
     filter_ = AltitudeFilter(noise, 0.0)
     root = filter_.kalman.memory["ring"][0, 0]
-    root["p"] = np.diag([100.0**2, 1e-12, 1e-12, 0.7**2, 1e-12])
+    root["p"] = np.diag([100.0**2, 1e-12, 1e-12, 0.7**2, 1e-12, 1e-18])
     oracle = KalmanFilter(dim_x=2, dim_z=1)
     oracle.x, oracle.P = np.zeros((2, 1)), np.diag([100.0**2, 0.7**2])
     oracle.F, oracle.Q = np.eye(2), np.zeros((2, 2))
