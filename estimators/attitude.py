@@ -196,12 +196,11 @@ def propagate(memory, t, fx, fy, fz, wx, wy, wz, tilt_e, tilt_n, variance, aid):
             _remember(a)
         return
 
-    # half the turn by trapezoidal rates, to take the force into the world at the middle of its interval
+    # mean rates of the interval by the trapezoidal rule; the force is taken into the world by the attitude of its own
+    # time: the middle of its interval, less what the notches delay
     turn = np.empty(3)
-    turn[0], turn[1], turn[2] = 0.25 * dt * (w0 + last0), 0.25 * dt * (w1 + last1), 0.25 * dt * (w2 + last2)
-    half = from_vector(turn)
-    middle = multiply(a.q, half)
-    r = matrix(middle)
+    turn[0], turn[1], turn[2] = 0.5 * (w0 + last0), 0.5 * (w1 + last1), 0.5 * (w2 + last2)
+    r = matrix(multiply(a.q, from_vector((0.5 * dt - notch.delay(a.notch_speed, HARMONICS)) * turn)))
     mix = min(1.0, dt / PLUMB_TAU)
     for i in range(3):
         force = r[i, 0] * quiet[0] + r[i, 1] * quiet[1] + r[i, 2] * quiet[2]
@@ -228,7 +227,7 @@ def propagate(memory, t, fx, fy, fz, wx, wy, wz, tilt_e, tilt_n, variance, aid):
     for i in range(3):
         c = r[0, i] * correction[0] + r[1, i] * correction[1] + r[2, i] * correction[2]
         level = r[0, i] * correction[0] + r[1, i] * correction[1]
-        turn[i] = 2.0 * turn[i] + dt * c
+        turn[i] = dt * (turn[i] + c)
         speed = a.integral * level + 0.25 * a.gain_heading * (c - level)
         a.bias[i] = max(-a.bias_limit, min(a.bias_limit, a.bias[i] - dt * speed))
     a.yaw_error += dt * correction[2]  # until the next azimuth

@@ -31,6 +31,15 @@ def design(coefficients, frequency, dt):
 
 
 @numba.njit(cache=True, error_model="numpy")
+def delay(frequency, harmonics):
+    """Delay [s] of slow signals by notches at `frequency` [rad/s] and its multiples, so many in all."""
+    total = 0.0
+    for h in range(harmonics):
+        total += 1.0 / (QUALITY * (h + 1) * frequency)
+    return total
+
+
+@numba.njit(cache=True, error_model="numpy")
 def settle(coefficients, memory, value):
     """Put `memory` (2,) where a constant input `value` would have brought it."""
     # direct form II transposed; the notch's gain at rest is 1

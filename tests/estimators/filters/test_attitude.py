@@ -181,6 +181,26 @@ def test_the_lever_arm_of_the_sensor_is_taken_out(equipment: Equipment) -> None:
     np.testing.assert_allclose(filter_.memory["inputs"][0, :3], 0.0, atol=0.02)
 
 
+def test_rolling_in_one_place_is_no_acceleration(equipment: Equipment) -> None:
+    """Force and attitude must be of the same time: 2 ms between them are 0.02 m/s^2 here."""
+    imu = equipment.sensors["imu"]
+    at_origin = replace(
+        equipment, sensors={**equipment.sensors, "imu": SensorSpec(imu.rate, 0.0, np.zeros(3), imu.numbers)}
+    )
+    filter_ = AttitudeFilter(at_origin)
+    t = align(filter_, quaternion(0.0, 0.0, 1.0), equipment.magnetic_field)
+    largest = 0.0
+    for k in range(1, 1000):
+        s = k * DT
+        amplitude, omega = 0.15, 2 * math.pi
+        roll = amplitude * (1 - math.cos(omega * (s - DT / 2)))  # at the middle of the interval, as the force's mean is
+        force = [0.0, GRAVITY * math.sin(roll), GRAVITY * math.cos(roll)]
+        feed(filter_, t + s, force, [amplitude * omega * math.sin(omega * s), 0.0, 0.0], aid=1.0)
+        if s > 2.0:
+            largest = max(largest, float(np.abs(filter_.memory["inputs"][0, :2]).max()))
+    assert largest < 0.01
+
+
 def test_history_interpolates(equipment: Equipment) -> None:
     filter_ = AttitudeFilter(equipment)
     t = align(filter_, quaternion(0.0, 0.0, 1.0), equipment.magnetic_field)
