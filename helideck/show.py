@@ -18,6 +18,7 @@ def flight_progress(name: str, duration: float) -> Iterator[Callable[[float, str
         TimeElapsedColumn(),
         console=console,
         transient=True,
+        disable=not console.is_terminal,
     ) as bar:
         task = bar.add_task(name, total=duration, phase="starting", height=float("nan"))
 
@@ -30,14 +31,16 @@ def flight_progress(name: str, duration: float) -> Iterator[Callable[[float, str
 @contextmanager
 def campaign_progress(name: str) -> Iterator[Callable[[int, int], None]]:
     """A bar with runs and the time left; yields what to call with (runs done, runs in all)."""
+    console = Console(stderr=True)
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),
-        console=Console(stderr=True),
+        console=console,
         transient=True,
+        disable=not console.is_terminal,
     ) as bar:
         task = bar.add_task(name, total=None)
         yield lambda done, runs: bar.update(task, completed=done, total=runs)

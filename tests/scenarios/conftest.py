@@ -1,7 +1,7 @@
 """Flights without cameras, watched from outside: flown once, looked at many times."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import pytest
@@ -10,6 +10,68 @@ import scenarios.flight
 from scenarios.crew import make_navigator, make_pilot
 from scenarios.flight import Flight, fly
 from scenarios.schema import Scenario
+
+# not what only the simulator knows: what its sensors are made of, and the mount that is known aboard as well
+MACHINERY = ("numbers", "site", "rng", "topic", "_mount", "_axes")
+
+
+class Noise:
+    """Replaces all that only a simulator may know by noise, and puts it back."""
+
+    def __init__(self, world):
+        self.world = world
+        self.rng = np.random.default_rng(12345)
+        truth = world.truth
+        holders = [truth, *world._sensors.values(), world.wind, world.contact]
+        self.arrays = [a for holder in holders for a in self._arrays(holder)]
+        data = world.data
+        self.arrays += [getattr(data, name) for name in
+                        ("qpos", "qvel", "qacc", "xpos", "xquat", "xmat", "xipos", "cvel", "qfrc_applied", "cam_xpos")]
+        self.arrays += [world._air, world.pipeline.state]
+        self.holders = holders
+
+    @staticmethod
+    def _slots(holder):
+        if hasattr(holder, "__dict__"):
+            return vars(holder)
+        return {field.name: getattr(holder, field.name) for field in fields(holder)}
+
+    def _arrays(self, holder):
+        arrays = [v for k, v in self._slots(holder).items() if isinstance(v, np.ndarray) and k not in MACHINERY]
+        return [array for array in arrays if array.dtype.kind == "f" and array.flags.writeable]
+
+    def __enter__(self):
+        self.kept = [a.copy() for a in self.arrays]
+        self.signals = self.world.signals.copy()
+        self.numbers = []
+        for array in self.arrays:
+            array[...] = self.rng.normal(0.0, 100.0, array.shape)
+        for name in self.world.signals.dtype.names:
+            self.world.signals[name] = self.rng.normal(0.0, 100.0, np.shape(self.world.signals[name]))
+        for holder in self.holders:
+            for name, value in list(self._slots(holder).items()):
+                if name in MACHINERY:
+                    continue
+                if isinstance(value, float):
+                    self.numbers.append((holder, name, value))
+                    setattr(holder, name, float(self.rng.normal(0.0, 100.0)))
+                elif isinstance(value, tuple | list) and value and isinstance(value[0], float):
+                    self.numbers.append((holder, name, value))
+                    setattr(holder, name, type(value)(self.rng.normal(0.0, 100.0, len(value)).tolist()))
+        return self
+
+    def __exit__(self, *_):
+        for holder, name, value in self.numbers:
+            setattr(holder, name, value)
+        for array, kept in zip(self.arrays, self.kept, strict=True):
+            array[...] = kept
+        for name in self.world.signals.dtype.names:
+            self.world.signals[name] = self.signals[name]
+
+
+@pytest.fixture(scope="session")
+def noise() -> type[Noise]:
+    return Noise
 
 
 @dataclass

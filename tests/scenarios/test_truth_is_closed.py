@@ -1,7 +1,7 @@
 """Nothing in the loop reads the truth, and every sensor counts."""
 
 import copy
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,67 +10,16 @@ from flightlog.rotations import angles, wrap
 from scenarios.crew import make_navigator
 from scenarios.load import build, load
 
-# not what only the simulator knows: what its sensors are made of, and the mount that is known aboard as well
-MACHINERY = ("numbers", "site", "rng", "topic", "_mount", "_axes")
 
+@pytest.fixture
+def scrambled(noise):
+    """Calls an update while all truth is noise."""
 
-class Noise:
-    """Replaces all that only a simulator may know by noise, and puts it back."""
+    def call(world, update, argument):
+        with noise(world):
+            return update(argument)
 
-    def __init__(self, world):
-        self.world = world
-        self.rng = np.random.default_rng(12345)
-        truth = world.truth
-        holders = [truth, *world._sensors.values(), world.wind, world.contact]
-        self.arrays = [a for holder in holders for a in self._arrays(holder)]
-        data = world.data
-        self.arrays += [getattr(data, name) for name in
-                        ("qpos", "qvel", "qacc", "xpos", "xquat", "xmat", "xipos", "cvel", "qfrc_applied", "cam_xpos")]
-        self.arrays += [world._air, world.pipeline.state]
-        self.holders = holders
-
-    @staticmethod
-    def _slots(holder):
-        if hasattr(holder, "__dict__"):
-            return vars(holder)
-        return {field.name: getattr(holder, field.name) for field in fields(holder)}
-
-    def _arrays(self, holder):
-        arrays = [v for k, v in self._slots(holder).items() if isinstance(v, np.ndarray) and k not in MACHINERY]
-        return [array for array in arrays if array.dtype.kind == "f" and array.flags.writeable]
-
-    def __enter__(self):
-        self.kept = [a.copy() for a in self.arrays]
-        self.signals = self.world.signals.copy()
-        self.numbers = []
-        for array in self.arrays:
-            array[...] = self.rng.normal(0.0, 100.0, array.shape)
-        for name in self.world.signals.dtype.names:
-            self.world.signals[name] = self.rng.normal(0.0, 100.0, np.shape(self.world.signals[name]))
-        for holder in self.holders:
-            for name, value in list(self._slots(holder).items()):
-                if name in MACHINERY:
-                    continue
-                if isinstance(value, float):
-                    self.numbers.append((holder, name, value))
-                    setattr(holder, name, float(self.rng.normal(0.0, 100.0)))
-                elif isinstance(value, tuple | list) and value and isinstance(value[0], float):
-                    self.numbers.append((holder, name, value))
-                    setattr(holder, name, type(value)(self.rng.normal(0.0, 100.0, len(value)).tolist()))
-        return self
-
-    def __exit__(self, *_):
-        for holder, name, value in self.numbers:
-            setattr(holder, name, value)
-        for array, kept in zip(self.arrays, self.kept, strict=True):
-            array[...] = kept
-        for name in self.world.signals.dtype.names:
-            self.world.signals[name] = self.signals[name]
-
-
-def scrambled(world, update, argument):
-    with Noise(world):
-        return update(argument)
+    return call
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +27,7 @@ def scenario():
     return load("landing", {"duration_s": 6.0, "weather.wind_m_s": 4.0})
 
 
-def test_noise_in_place_of_truth_changes_no_control(watch, scenario):
+def test_noise_in_place_of_truth_changes_no_control(watch, scrambled, scenario):
     plain = watch(scenario, seed=3)
     blind = watch(scenario, seed=3, around=scrambled)
     assert len(plain.controls) > 1300  # 250 a second, for more than 5 s
@@ -98,7 +47,7 @@ def test_noise_in_place_of_truth_changes_no_control(watch, scenario):
     ],
     ids=["position", "rotor", "wind", "sensor errors", "physics"],
 )
-def test_a_navigator_that_peeks_is_found_out(watch, peek):
+def test_a_navigator_that_peeks_is_found_out(watch, scrambled, peek):
     short = load("landing", {"duration_s": 1.0})
     worlds = []
 
@@ -119,15 +68,15 @@ def test_a_navigator_that_peeks_is_found_out(watch, peek):
     assert not np.array_equal(plain, seen(scrambled))
 
 
-def test_the_noise_puts_everything_back(watch, scenario):
+def test_the_noise_puts_everything_back(watch, noise):
     world = watch(load("landing", {"duration_s": 0.6}), seed=1).world
-    before = copy.deepcopy([a for a in Noise(world).arrays])
+    before = copy.deepcopy([a for a in noise(world).arrays])
     errors, signals, truth = world.sensor_errors(), world.signals.copy(), repr(world.truth)
-    with Noise(world):
+    with noise(world):
         assert repr(world.truth) != truth
         assert world.sensor_errors() != errors
         assert world.signals != signals
-    assert all(np.array_equal(a, b) for a, b in zip(Noise(world).arrays, before, strict=True))
+    assert all(np.array_equal(a, b) for a, b in zip(noise(world).arrays, before, strict=True))
     assert (world.sensor_errors(), repr(world.truth)) == (errors, truth)
     assert world.signals == signals
 
