@@ -52,6 +52,7 @@ BLIND_NOISE = (1.0 / 0.03) ** 2  # without inertial samples: 1 m/s^2/sqrt(Hz) in
 ALIGNING_NOISE = 25.0  # until aligned: 0.15 m/s^2/sqrt(Hz)
 GRAIN = 0.003  # [m] neither mount nor pad are known better
 SCALE = 1e-3  # [1] of the lateral distance: focal length
+ALIKE = 10.0  # echoes
 AID_FULL, AID_NONE = 0.6, 1.5  # [s] age of the last fix up to which, and from which on not, it levels the attitude
 
 
@@ -332,7 +333,8 @@ class Navigator:
             return
         distance = s.range if s.valid else math.nan
         height, lever = ranger(self._attitude.memory, distance, device.position, device["beam_half_angle"])
-        share = math.hypot(device["noise_share"], device["scale_std"])
+        # the scale's error is the same in every echo, so it counts for as many as act in half a second
+        share = math.hypot(device["noise_share"], math.sqrt(ALIKE) * device["scale_std"])
         variance = (share * distance) ** 2 + 0.1 * device["resolution"] ** 2 + GRAIN**2
         if not self._altitude.sonar(s.t, height, variance if s.valid else 1.0, lever):
             self._refuse("sonar")

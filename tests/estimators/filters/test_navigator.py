@@ -127,31 +127,35 @@ def nees(error: Floats, covariance: Floats) -> float:
 @pytest.fixture(scope="module")
 def ensemble(synthetic, equipment: Equipment) -> dict[str, dict[str, Floats]]:
     """NEES (30, times) by quantity, with GPS alone and with vision."""
-    result: dict[str, dict[str, Floats]] = {}
     times = [250, 1000, 2000, 2999]
-    for name, lost_below in (("gps", 99.0), ("vision", 0.5)):
-        rows: dict[str, list[list[float]]] = {"side": [], "up": [], "tilt": [], "heading": []}
-        for seed in range(30):
-            flight = synthetic.fly(100 + seed, synthetic.Recipe(duration=12.0, pad_below=lost_below))
-            navigator = Navigator(equipment)
-            found: dict[str, list[float]] = {key: [] for key in rows}
-            for i, update in enumerate(flight.updates):
-                s = navigator.update(update)
-                if i not in times:
-                    continue
-                side, up = navigator._position.kalman.last, navigator._altitude.kalman.last
-                p, v = flight.motion.position(flight.t[i]), flight.motion.position(flight.t[i], 1)
-                e = np.concatenate([s.position[:2] - p[:2], s.velocity[:2] - v[:2]])
-                found["side"].append(nees(e, side["p"][:4, :4]))
-                found["up"].append(nees(np.array([s.position[2] - p[2], s.velocity[2] - v[2]]), up["p"][:2, :2]))
-                roll, pitch, heading = flight.motion.angles(flight.t[i])
-                tilt = np.array([s.roll - roll, s.pitch - pitch])
-                found["tilt"].append(nees(tilt, np.diag(s.std_attitude[:2] ** 2)))
-                found["heading"].append(float(wrap(s.heading - heading) / s.std_attitude[2]) ** 2)
-            for key, values in found.items():
-                rows[key].append(values)
-        result[name] = {key: np.array(values) for key, values in rows.items()}
-    return result
+    rows: dict[str, dict[str, list[list[float]]]] = {
+        case: {"side": [], "up": [], "tilt": [], "heading": []} for case in ("gps", "vision")
+    }
+    for seed in range(30):
+        whole = synthetic.fly(100 + seed, synthetic.Recipe(duration=12.0))
+        for case, flight in (("gps", whole.drop(PadSample)), ("vision", whole)):
+            for quantity, values in judged(flight, Navigator(equipment), times).items():
+                rows[case][quantity].append(values)
+    return {case: {key: np.array(values) for key, values in found.items()} for case, found in rows.items()}
+
+
+def judged(flight, navigator: Navigator, times: list[int]) -> dict[str, list[float]]:
+    """NEES at some updates of one flight."""
+    found: dict[str, list[float]] = {"side": [], "up": [], "tilt": [], "heading": []}
+    for i, update in enumerate(flight.updates):
+        s = navigator.update(update)
+        if i not in times:
+            continue
+        side, up = navigator._position.kalman.last, navigator._altitude.kalman.last
+        p, v = flight.motion.position(flight.t[i]), flight.motion.position(flight.t[i], 1)
+        e = np.concatenate([s.position[:2] - p[:2], s.velocity[:2] - v[:2]])
+        found["side"].append(nees(e, side["p"][:4, :4]))
+        found["up"].append(nees(np.array([s.position[2] - p[2], s.velocity[2] - v[2]]), up["p"][:2, :2]))
+        roll, pitch, heading = flight.motion.angles(flight.t[i])
+        tilt = np.array([s.roll - roll, s.pitch - pitch])
+        found["tilt"].append(nees(tilt, np.diag(s.std_attitude[:2] ** 2)))
+        found["heading"].append(float(wrap(s.heading - heading) / s.std_attitude[2]) ** 2)
+    return found
 
 
 def band(degrees: int, runs: int = 30) -> tuple[float, float]:
