@@ -86,8 +86,13 @@ def _open(folder: Path, campaign: Campaign) -> Path:
     manifest = folder / "campaign.json"
     parts = folder / "parts"
     fingerprint = campaign.fingerprint()
+    if folder.exists() and not folder.is_dir():
+        raise UserError(f"{folder}: a file is in the way; name a folder that is new or empty")
     if manifest.is_file():
-        known = json.loads(manifest.read_text(encoding="utf-8"))
+        try:
+            known = dict(json.loads(manifest.read_text(encoding="utf-8")))
+        except (OSError, ValueError, TypeError) as error:
+            raise UserError(f"{manifest}: cannot be read: {error}; name a folder that is new") from None
         if known.get("fingerprint") != fingerprint:
             raise UserError(
                 f"{folder}: holds another campaign ({known.get('name')}, seed {known.get('seed')}, or other settings); "
