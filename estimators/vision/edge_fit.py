@@ -20,6 +20,7 @@ Floats = NDArray[np.float64]
 
 SHARED = 1.06  # growth of the noise because neighbouring profiles share pixels (measured: NEES of 400 pictures)
 NARROW = 3.0  # [px] search once the pose is close
+FAINT = 0.2  # of the usual step height: shadow and motion blur weaken an edge, less is chance
 HOPELESS = 1.8  # [px] spread of the edges after two steps; chance edges within the narrow search give 2.2
 VAGUE = np.array([10.0, 10.0, 10.0, 3.0])  # [m, rad] standard deviation of what the picture leaves open
 
@@ -82,7 +83,7 @@ def fit_outline(
         good = np.isfinite(offsets)
         if good.sum() < least_points:
             return None
-        good &= heights > 0.3 * np.percentile(heights[good], 75)
+        good &= heights > FAINT * np.percentile(heights[good], 75)
         if good.sum() < least_points:
             return None
         jacobian = shown.jacobian[good]

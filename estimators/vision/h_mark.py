@@ -5,7 +5,6 @@ the level plane, edge fit (Lei 2012 section 2.2.1, and sub-pixel edges). Followi
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Literal
 
@@ -13,20 +12,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.vision.contours import Candidate, ShapeTemplate, candidates
 from estimators.vision.edge_fit import EdgeFit, fit_outline
 from estimators.vision.outline import OutlineSamples
 from estimators.vision.pose import (
     LevelAxes,
     MarkPose,
-    from_pad_plane,
     level_axes,
-    on_pad_plane,
     place,
     wrap_axis,
 )
+from estimators.vision.search import MarkSearch
 from estimators.vision.sighting import PadPrediction, PadSighting
-from estimators.vision.threshold import above, class_contrast, local_mask, lower_otsu, modified_otsu, otsu
 from flightlog.camera import CameraModel, CameraMount
 from flightlog.marks import HMark
 
@@ -34,15 +30,15 @@ Floats = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 SMALLEST_SIDE = 30.0  # [px] a mark smaller than this has strokes of some 6 px: edges that run into one another
-ROUGH, NEAR, FINE = 2.5, 0.6, 0.4  # equation 4: worth a threshold of its own; good as it is; good after that
-MOST_TRIED = 5  # contours of one threshold
 SHARPEST_REACH = 10.0  # [px] search on one level of the pyramid
+WIDEST_REACH = 2.2  # [strokes] the next edge of the same contrast is two gaps, some three strokes, away
+THINNEST_STROKE = 5.0  # [px] on a reduced picture
 RAGGED = 0.9  # [px] RMS beyond which edges are not the mark's; chance edges give 1.7
 LEAST_CONTRAST = 8.0  # [grey levels]
-LOCAL_MARGIN = 12.0  # [grey levels] above the surroundings' mean
 # share of the model's edge points that must agree: a U or a window laid over an H reaches 0.65, an H with a fifth of
 # its area hidden 0.68
-FOLLOWED, FOUND = 0.67, 0.75
+FOLLOWED, FOLLOWED_CUT, FOUND = 0.67, 0.5, 0.75
+PRIOR_WIDTH = 3.0  # a prediction holds a fit with this many times its standard deviation: loosely
 GATE = 5.0  # standard deviations between prediction and a cut or tracked mark
 
 
@@ -86,10 +82,8 @@ class HMarkFrontEnd:
         outline = mark.outline()
         self._outline = outline
         self._samples = OutlineSamples.of(outline)
-        self._template = ShapeTemplate.of(outline)
+        self._marks = MarkSearch(camera, outline)
         self._area = float(cv2.contourArea(outline.astype(np.float32)))  # [m^2]
-        moments = cv2.moments(outline.astype(np.float32))
-        self._lengthwise = moments["mu02"] / moments["mu20"]  # second moment along the axis over that across it
         grid = np.stack(np.meshgrid(np.linspace(-0.5, 0.5, 41), np.linspace(-0.5, 0.5, 41)), axis=-1).reshape(-1, 2)
         grid *= [mark.width, mark.leg]
         within = (np.abs(grid[:, 0]) > mark.width / 2 - mark.stroke) | (np.abs(grid[:, 1]) < mark.stroke / 2)
@@ -120,30 +114,33 @@ class HMarkFrontEnd:
         depth = start.position[2]
         if depth <= 0.05:
             return None
-        spread = self._spread(prediction)
+        std = np.append(prediction.std_position, prediction.std_angle)
+        spread = self._spread(start.position, std)
         stroke = self.mark.stroke * min(self.camera.fx, self.camera.fy) / depth
         reach = 3.0 * spread + 1.5
-        if reach > 1.5 * stroke:
-            return None  # another stroke may be nearer than the right one
+        if reach > WIDEST_REACH * stroke:
+            return None
         factor = 1
-        while reach / factor > SHARPEST_REACH and factor < 8:
+        while reach / factor > SHARPEST_REACH and stroke / (2 * factor) >= THINNEST_STROKE and factor < 8:
             factor *= 2
-        std = np.append(prediction.std_position, prediction.std_angle)
-        prior = np.maximum(3.0 * std, np.append(np.full(3, 0.01 + 0.01 * depth), 0.035))
+        prior = np.maximum(PRIOR_WIDTH * std, np.append(np.full(3, 0.01 + 0.01 * depth), 0.035))
         fit = self._refine(image, level, start, prior, reach, factor, 0)
         if fit is None or not self._agrees(fit, start, std):
             return None
         return self._sighting(fit, tracked=True)
 
-    def _spread(self, prediction: PadPrediction) -> float:
-        """One standard deviation of where the outline's points lie in the picture [px], the worst of them."""
-        x, y, depth = prediction.position
+    def _spread(self, position: Floats, std: Floats) -> float:
+        """One standard deviation of where the outline's points lie in the picture [px], the worst of them.
+
+        position (3,) [m] in camera axes; std (4,) of x, y, z [m], angle [rad].
+        """
+        x, y, depth = position
         focal = max(self.camera.fx, self.camera.fy)
         # what counts is how far the part in the picture reaches from the centre
         radius = min(0.7 * self._size * focal / depth, math.hypot(self.camera.width, self.camera.height))
-        lateral = focal / depth * max(prediction.std_position[0], prediction.std_position[1])
-        along = prediction.std_position[2] / depth * (radius + focal * math.hypot(x, y) / depth)
-        return math.sqrt(lateral**2 + along**2 + (prediction.std_angle * radius) ** 2)
+        lateral = focal / depth * max(std[0], std[1])
+        along = std[2] / depth * (radius + focal * math.hypot(x, y) / depth)
+        return math.sqrt(lateral**2 + along**2 + (std[3] * radius) ** 2)
 
     def _refine(
         self, image: Image, level: LevelAxes, start: MarkPose, prior: Floats, reach: float, factor: int, polarity: int
@@ -158,7 +155,9 @@ class HMarkFrontEnd:
             if coarse is None:
                 return None
             start, polarity = coarse.pose, 1 if coarse.contrast > 0 else -1
-            reach = 3.0 + 0.5 * factor
+            # edges that the small picture was too small for are still as far away as they were
+            left_open = np.minimum(np.sqrt(np.diag(coarse.covariance)), prior / PRIOR_WIDTH)
+            reach = min(reach, max(3.0 + 0.5 * factor, 3.0 * self._spread(start.position, left_open)))
         return fit_outline(
             image, self.camera, self._samples, level, start, prior_std=prior, reach=reach,
             polarity=polarity, tilt_std=self.tilt_std,
@@ -166,7 +165,8 @@ class HMarkFrontEnd:
 
     def _agrees(self, fit: EdgeFit, start: MarkPose, std: Floats) -> bool:
         """Whether a followed mark is good enough, and where it was expected."""
-        if not self._sound(fit, share=FOLLOWED):
+        whole = self.camera.contains(self.camera.project(place(self._outline, fit.pose, fit.level))).all()
+        if not self._sound(fit, share=FOLLOWED if whole else FOLLOWED_CUT):
             return False
         difference = np.append(fit.pose.position - start.position, fit.pose.angle - start.angle)
         fitted = np.sqrt(np.diag(fit.covariance))
@@ -198,38 +198,12 @@ class HMarkFrontEnd:
             return None
         region = np.asarray(cv2.medianBlur(np.ascontiguousarray(image[top:bottom, left:right]), 3), np.uint8)
         area = self._area_bounds(prediction, region.size)
-        for mask, polarity in self._masks(region):
-            if cv2.countNonZero(mask) < area[0]:
-                continue
-            rough = candidates(mask, self._template, area=area, worst=ROUGH, solidity_margin=0.25)
-            fits = (self._examined(image, region, (left, top), c, polarity, area, level) for c in rough[:MOST_TRIED])
+        for poses in self._marks.poses(region, (left, top), area, level):
+            fits = (self._verified(image, level, start, polarity) for start, polarity in poses)
             best = min((fit for fit in fits if fit is not None), key=lambda fit: fit.residual, default=None)
             if best is not None:
                 return self._sighting(best, tracked=False)
         return None
-
-    def _examined(
-        self,
-        image: Image,
-        region: Image,
-        corner: tuple[int, int],
-        rough: Candidate,
-        polarity: int,
-        area: tuple[float, float],
-        level: LevelAxes,
-    ) -> EdgeFit | None:
-        """The mark where a rough contour is, thresholded again by Otsu in the contour's own surroundings."""
-        x0, y0, x1, y1 = rough.box
-        margin = 4 + (x1 - x0 + y1 - y0) // 8
-        x0, y0 = max(x0 - margin, 0), max(y0 - margin, 0)
-        patch = np.ascontiguousarray(region[y0 : y1 + margin, x0 : x1 + margin])
-        mask = above(patch, otsu(patch), below=polarity < 0)
-        sharp = candidates(mask, self._template, area=area, worst=FINE, solidity_margin=0.15)
-        starts = self._starts(sharp[0], (corner[0] + x0, corner[1] + y0), level) if sharp else []
-        if not sharp and rough.mismatch <= NEAR:
-            starts = self._starts(rough, corner, level)  # uneven light: the first threshold may have been the better
-        fits = (self._verified(image, level, start, polarity) for start in starts)
-        return min((fit for fit in fits if fit is not None), key=lambda fit: fit.residual, default=None)
 
     def _region(self, prediction: PadPrediction | None) -> tuple[int, int, int, int]:
         """Left, top, right, bottom [px] of where the mark is expected within three standard deviations."""
@@ -237,8 +211,10 @@ class HMarkFrontEnd:
         if prediction is None or prediction.position[2] <= 0.0:
             return whole
         centre = self.camera.project(np.asarray(prediction.position, float))[0]
+        std = np.append(prediction.std_position, prediction.std_angle)
         nearest = max(prediction.position[2] - 3.0 * prediction.std_position[2], 0.3 * prediction.position[2])
-        half = max(self.camera.fx, self.camera.fy) * 0.75 * self._size / nearest + 3.0 * self._spread(prediction) + 8.0
+        reach = 3.0 * self._spread(prediction.position, std) + 8.0
+        half = max(self.camera.fx, self.camera.fy) * 0.75 * self._size / nearest + reach
         low = np.clip(centre - half, 0, [self.camera.width, self.camera.height]).astype(int)
         high = np.clip(centre + half + 1, 0, [self.camera.width, self.camera.height]).astype(int)
         return int(low[0]), int(low[1]), int(high[0]), int(high[1])
@@ -252,46 +228,6 @@ class HMarkFrontEnd:
         scale = self._area * self.camera.fx * self.camera.fy
         far, near = depth + 4.0 * std, max(depth - 4.0 * std, 0.3 * depth)
         return max(least, 0.6 * scale / far**2), max(2.0 * least, 1.6 * scale / near**2)
-
-    def _masks(self, region: Image) -> Iterator[tuple[Image, int]]:
-        """Binary pictures to try, with the mark's polarity: global thresholds first, then local ones."""
-        plain = otsu(region)
-        if class_contrast(region, plain) >= LEAST_CONTRAST:
-            yield above(region, plain), 1
-            raised = modified_otsu(region, "open")
-            if raised is not None and abs(raised - plain) > 2:
-                yield above(region, raised), 1
-            yield above(region, plain, below=True), -1
-            lower = lower_otsu(region, plain)
-            if lower is not None:
-                yield above(region, lower), 1
-        window = int(min(max(min(region.shape) // 3, 31), 121)) | 1
-        yield local_mask(region, window, LOCAL_MARGIN), 1
-        yield local_mask(np.asarray(cv2.bitwise_not(region), np.uint8), window, LOCAL_MARGIN), -1
-
-    def _starts(self, candidate: Candidate, corner: tuple[int, int], level: LevelAxes) -> list[MarkPose]:
-        """Poses from a contour's area, centroid and second moments on the level plane below the camera."""
-        pixels = candidate.contour.reshape(-1, 2)[:: max(1, len(candidate.contour) // 400)].astype(float) + corner
-        flat = on_pad_plane(pixels, self.camera, level)
-        if not np.all(np.isfinite(flat)):
-            return []
-        polygon = flat.astype(np.float32)
-        m = cv2.moments(polygon)
-        if m["m00"] <= 0.0:
-            return []
-        # the contour runs through the outermost pixels' centres: the filled mask's area is the mark's
-        area = m["m00"] * candidate.area / max(cv2.contourArea(candidate.contour), 1.0)
-        height = math.sqrt(self._area / area)
-        position = from_pad_plane(m["m10"] / m["m00"], m["m01"] / m["m00"], height, level)
-        longest = 0.5 * math.atan2(2.0 * m["mu11"], m["mu20"] - m["mu02"])  # from right towards forward
-        if self._lengthwise < 0.8:
-            angles = [-longest]
-        elif self._lengthwise > 1.25:
-            angles = [math.pi / 2 - longest]
-        else:  # no longest direction: the sides' two
-            side = math.radians(cv2.minAreaRect(polygon)[2])
-            angles = [-side, math.pi / 2 - side]
-        return [MarkPose(position, angle) for angle in angles]
 
     def _verified(self, image: Image, level: LevelAxes, start: MarkPose, polarity: int) -> EdgeFit | None:
         depth = start.position[2]
