@@ -170,3 +170,17 @@ def test_a_pilot_of_ones_own_flies(short):
 
     summary = fly(load("landing", {"duration_s": 1.0}), cameras=False, pilot=Still).summary
     assert summary.reason == "time is up" and not summary.success
+
+
+@pytest.mark.render
+def test_rendered_flights_are_the_same_bit_for_bit_too(tmp_path):
+    scenario = load("landing", {"duration_s": 1.5, "start.position_m": [0.3, -0.2, 6.0]})
+    flights = [fly(scenario, seed=2, folder=tmp_path / name, keep_frames=True) for name in ("first", "again")]
+    first, again = (files(flight, "measured") for flight in flights)
+    assert set(first) == set(again) == MEASURED | {"frames", "horizon"}
+    assert [topic for topic in first if first[topic] != again[topic]] == []
+    pictures = [sorted((flight.folder / "measured" / "frames").iterdir()) for flight in flights]
+    assert [path.name for path in pictures[0]] == [path.name for path in pictures[1]]
+    assert len(pictures[0]) > 45  # 25 and twice 10 a second, less what was still under way
+    assert all(a.read_bytes() == b.read_bytes() for a, b in zip(*pictures, strict=True))
+    assert len(read_flight(flights[0].folder).measured["pad"]) > 20

@@ -144,3 +144,20 @@ def test_each_sensor_degraded_makes_the_flight_worse(watch, clean, degraded, fig
     n = min(len(good.controls), len(bad.controls))
     assert not np.array_equal(good.controls[:n], bad.controls[:n])
     assert figure(bad) > figure(good) + least, (figure(good), figure(bad))
+
+
+@pytest.mark.render
+def test_a_dark_or_blurred_camera_makes_the_flight_worse(watch):
+    """The same two seconds through pictures: as they should be, much defocused, and black."""
+
+    def seen(**down):
+        cameras = {"down": down, "forward_a": {"rate_hz": 1.0}, "forward_b": {"rate_hz": 1.0}}
+        flown = watch(hover(5.0, seconds=2.0, cameras=cameras), seed=5, cameras=True)
+        return flown.estimate[-1, 4], flown.std[-1, :2].max(), flown.error(axes=(0, 1), after=1.0), flown.controls
+
+    clear, blurred, black = seen(), seen(defocus_px=10.0), seen(gain=0.01)
+    ages, stds, errors, controls = zip(clear, blurred, black, strict=True)
+    assert ages[0] < 0.2 and np.isinf(ages[2])  # [s] since the mark was seen
+    assert stds[0] < stds[1] < stds[2]
+    assert errors[2] > 5.0 * errors[0]
+    assert not np.array_equal(controls[0], controls[1]) and not np.array_equal(controls[0], controls[2])
