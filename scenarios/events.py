@@ -1,7 +1,6 @@
 """The script of a scenario, carried out on the world and the pilot when its time comes."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -36,19 +35,29 @@ class Script:
 
     def __init__(self, scenario: Scenario) -> None:
         self._events = sorted(scenario.events, key=lambda event: event.at_s)
-        self._undo: list[tuple[float, Callable[[], None]]] = []
+        self._changed: list[tuple[float, str, dict[str, float]]] = []  # until when, topic, numbers in force
+        self._sound: dict[str, dict[str, float]] = {}  # by topic, those numbers before any of it
 
     def play(self, world: World, pilot: Any) -> list[str]:
         """Carry out what is due at the world's time; says what happened."""
-        if not self._events and not self._undo:
+        if not self._events and not self._changed:
             return []
         done = []
         while self._events and self._events[0].at_s <= world.t:
             done.append(self._carry_out(self._events.pop(0), world, pilot))
-        for item in [item for item in self._undo if item[0] <= world.t]:
-            item[1]()
-            self._undo.remove(item)
+        over = {topic for until, topic, _ in self._changed if until <= world.t}
+        self._changed = [change for change in self._changed if change[0] > world.t]
+        for topic in over:
+            self._set_numbers(topic, world)
         return done
+
+    def _set_numbers(self, topic: str, world: World) -> None:
+        """The sound numbers, and over them what is in force; the later change where two are."""
+        numbers = dict(self._sound[topic])
+        for _, changed, values in self._changed:
+            if changed == topic:
+                numbers |= values
+        world.set_numbers(topic, numbers)
 
     def _carry_out(self, event: Event, world: World, pilot: Any) -> str:
         match event:
@@ -87,9 +96,10 @@ class Script:
     def _fault(self, event: FaultEvent, world: World) -> str:
         if event.numbers and event.sensor in SENSOR_TABLES:
             changed = sensor_numbers(event.sensor, event.numbers)
-            before = world.numbers(event.sensor, changed)
-            world.set_numbers(event.sensor, changed)
-            self._undo.append((world.t + event.for_s, lambda: world.set_numbers(event.sensor, before)))
+            sound = self._sound.setdefault(event.sensor, {})
+            sound |= world.numbers(event.sensor, changed.keys() - sound.keys())
+            self._changed.append((world.t + event.for_s, event.sensor, changed))
+            self._set_numbers(event.sensor, world)
         if event.fault is not None and event.column is not None:
             span = {"start": world.t, "end": world.t + event.for_s}
             size = {"size": event.size, "share": event.share}

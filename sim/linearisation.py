@@ -104,11 +104,12 @@ def trim(
     has_engine = pipeline.state_index("engine.speed") >= 0
     unknowns = 7 if has_engine else 6  # without an engine there is neither throttle nor rotor acceleration
 
-    def come_to_rest(unknown: Floats) -> Floats:
+    def come_to_rest(unknown: Floats, share: float = 1.0) -> Floats:
+        """What is left of forces, moments and rotor acceleration at that share of the airspeed."""
         collective, lateral, longitudinal, tail, roll, pitch = unknown[:6]
         throttle = unknown[6] if has_engine else 0.0
         r = matrix(quaternion(roll, pitch, heading))
-        s["velocity"], s["up"] = r.T @ (moving - air), r[2]
+        s["velocity"], s["up"] = r.T @ (share * (moving - air)), r[2]
         s["collective"], s["lateral"], s["longitudinal"], s["tail"] = collective, lateral, longitudinal, tail
         s["throttle"] = throttle
         pipeline.state[:] = start
@@ -122,6 +123,13 @@ def trim(
             pipeline.set_parameter("fuel", "rate", 0.0)  # nothing steady about a falling mass
         found = root(come_to_rest, guess, method="hybr", tol=1e-12)
         residual = come_to_rest(found.x)
+        if not np.all(np.abs(residual) < FORCE_TOLERANCE):  # far from hover the guess leads astray: fly there slowly
+            for share in np.linspace(0.0, 1.0, 2 + int(np.linalg.norm(moving - air))):
+                found = root(come_to_rest, guess, args=(share,), method="hybr", tol=1e-12)
+                residual, guess = come_to_rest(found.x, share), found.x
+                if not np.all(np.abs(residual) < FORCE_TOLERANCE):
+                    residual = come_to_rest(found.x)
+                    break
         state = pipeline.state.copy()
     finally:
         pipeline.state[:] = start

@@ -258,7 +258,7 @@ class World:
 
     def silence(self, device: str, until: float) -> None:
         """Sensor or camera `device` says nothing until that time [s]."""
-        self._silent[device] = until
+        self._silent[device] = max(until, self._silent.get(device, 0.0))
 
     def add_fault(self, fault: Fault) -> None:
         """Corrupt what a sensor sends from now on."""

@@ -1,6 +1,5 @@
 """`helideck campaign`."""
 
-import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
@@ -51,6 +50,8 @@ class Campaign:
 
     def run(self) -> int:
         """Fly them all."""
+        import joblib
+
         from flightlog.errors import UserError
         from helideck.flying import parse_settings
         from helideck.report import print_campaign
@@ -77,7 +78,7 @@ class Campaign:
         folder = self.output or Path("campaigns") / f"{name}-{self.seed}"
         with campaign_progress(name) as progress:
             table = campaign.run_campaign(
-                plan, self.runs, folder, workers=self.workers or os.cpu_count() or 1, progress=progress
+                plan, self.runs, folder, workers=self.workers or joblib.cpu_count(), progress=progress
             )
         summary = campaign.summarise(table)
         if self.json:

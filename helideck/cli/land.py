@@ -60,6 +60,8 @@ class Land:
 
         if self.output is not None and (self.output.exists() or self.output.is_symlink()):
             raise UserError(f"{self.output}: exists already; name a folder that is new")
+        if self.frames and self.no_cameras:
+            raise UserError("--frames keeps rendered pictures: it does not go with --no-cameras")
         seed = parse_seed(self.seed)
         prepared = prepare(self.scenario, parse_settings(self.set), vehicle=self.vehicle, aboard=self.aboard)
         folder = self.output if self.output is not None else flight_folder(prepared.name, seed)

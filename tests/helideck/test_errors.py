@@ -55,6 +55,7 @@ def here(tmp_path, monkeypatch):
         (["-o", "file"], ["file: exists already"]),
         (["-o", "file/below"], ["file/below: cannot be made: Not a directory"]),
         (["-o", "folder.toml"], ["folder.toml: exists already"]),
+        (["--frames"], ["--frames keeps rendered pictures"]),
         (["--sed", "3"], ["--seed"]),
         (["landing", "hover"], ["hover"]),
     ],

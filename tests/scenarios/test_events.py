@@ -93,6 +93,28 @@ def test_a_sensors_own_numbers_change_and_come_back(play):
     assert said[0][1] == "fault of gps: latency_s = 0.05 for 0.4 s"
 
 
+def test_faults_that_overlap_leave_the_sensor_sound(play):
+    def late(at, latency, seconds):
+        return {"at_s": at, "kind": "fault", "sensor": "gps", "numbers": {"latency_s": latency}, "for_s": seconds}
+
+    first, second = late(0.1, 0.3, 0.5), late(0.3, 0.05, 0.6)  # 0.1 to 0.6 and 0.3 to 0.9
+    for seconds, latency in ((0.2, 0.3), (0.5, 0.05), (0.8, 0.05), (1.0, 0.18)):
+        world, *_ = play(first, second, seconds=seconds)
+        assert world.numbers("gps", ["latency"]) == {"latency": latency}, seconds
+    within = late(0.2, 0.05, 0.1)
+    for seconds, latency in ((0.25, 0.05), (0.4, 0.3), (0.8, 0.18)):
+        world, *_ = play(first, within, seconds=seconds)
+        assert world.numbers("gps", ["latency"]) == {"latency": latency}, seconds
+
+
+def test_a_short_dropout_within_a_long_one_does_not_end_it(play):
+    spans = ((0.1, 0.6), (0.2, 0.1))
+    lost = [{"at_s": at, "kind": "dropout", "sensor": "baro", "for_s": span} for at, span in spans]
+    *_, samples = play(*lost, seconds=0.9)
+    t = np.array([sample.t for sample in of(samples, BaroSample)])
+    assert not ((t > 0.11) & (t < 0.69)).any() and (t > 0.7).any()
+
+
 @pytest.mark.parametrize(
     ("fault", "size", "check"),
     [

@@ -196,6 +196,13 @@ def test_what_a_vehicle_lacks_and_the_flight_needs_is_named(refused, head, messa
     assert message in refused(text, craft)
 
 
+def test_an_event_for_a_device_that_is_not_aboard_is_refused(refused):
+    before, _, rest = RAPTOR.partition("[sensors.gps]")
+    event = '[[events]]\nat_s = 0\nkind = "dropout"\nsensor = "gps"\nfor_s = 1\n'
+    said = refused(HEAD + event, before + rest[rest.index("\n[") + 1 :])
+    assert said.startswith("events.0.sensor: this vehicle has no 'gps'; known: baro, ")
+
+
 @pytest.mark.parametrize("sensor", [name for name in CATALOGUE if name not in ("imu", "rotor")])
 def test_a_vehicle_may_lack_any_other_sensor(tmp_path, sensor):
     before, _, rest = RAPTOR.partition(f"[sensors.{sensor}]")

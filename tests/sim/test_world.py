@@ -1,6 +1,7 @@
 """The world against closed forms: falling, turning, resting, its energy, its sensors' clocks, and how it ends."""
 
 import math
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from flightlog.rotations import angles, wrap
 from flightlog.signals import BaroSample, Controls, GpsSample, ImuSample, MagSample, PadSample, RotorSample, SonarSample
 from sim import vehicle as vehicles
 from sim.divergence import SimulationDiverged
+from sim.linearisation import trim
 from sim.pipeline import Pipeline
 from sim.sensors.faults import Offset
 from sim.terms import CATALOGUE
@@ -255,6 +257,24 @@ def test_wind_and_gusts_move_it_the_way_they_blow(world):
     windy.set_wind(6.0, 0.0)
     windy.step(windy.trim.controls)
     assert windy.truth.wind[1] < -4.0  # from the north: southward
+
+
+@pytest.mark.parametrize("wind_from", range(0, 360, 45))
+def test_it_can_hold_its_place_in_a_fresh_wind_from_anywhere(raptor, model, wind_from):
+    direction = math.radians(wind_from)
+    air = -12.0 * np.array([math.sin(direction), math.cos(direction), 0.0])
+    found = trim(model(), raptor.inertia, wind=air)
+    assert abs(found.controls.tail) < raptor.parameters["servo"]["tail_max"]
+    assert math.hypot(found.roll, found.pitch) < 0.5
+
+
+def test_composing_leaves_the_choice_of_opengl_as_it_was(world, monkeypatch):
+    for choice in (None, "egl"):
+        monkeypatch.delenv("MUJOCO_GL", raising=False)
+        if choice is not None:
+            monkeypatch.setenv("MUJOCO_GL", choice)
+        world()
+        assert os.environ.get("MUJOCO_GL") == choice
 
 
 # --- terms ------------------------------------------------------------------------------------------------------------
