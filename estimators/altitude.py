@@ -68,7 +68,7 @@ class AltitudeNoise:
         given: dict[str, float] = {}
         if (imu := equipment.sensors.get("imu")) is not None:
             bias = math.hypot(imu["accel_bias_std"], imu["accel_drift_std"], 9.8 * imu["accel_scale_std"])
-            given |= {"acceleration_bias": bias, "acceleration": math.hypot(imu["accel_noise"], 0.02)}
+            given |= {"acceleration_bias": bias, "acceleration": math.hypot(imu["accel_noise"], 0.01)}
         if (baro := equipment.sensors.get("baro")) is not None:
             # white noise is widened: gusts over the port are neither white nor in the numbers
             given |= {

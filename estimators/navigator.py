@@ -48,8 +48,8 @@ Floats = NDArray[np.float64]
 
 BEFORE = 0.25  # [s] the filters begin so long before the first sample: late ones may be from before it
 LONGEST_GAP = 60.0  # [s] an inertial sample farther ahead has a broken stamp
-BLIND_NOISE = (1.0 / 0.03) ** 2  # without inertial samples: 1 m/s^2/sqrt(Hz) instead of 0.03
-ALIGNING_NOISE = 25.0  # until aligned: 0.15 m/s^2/sqrt(Hz)
+BLIND_NOISE = 100.0**2  # of the inputs, without inertial samples: about 1 m/s^2/sqrt(Hz) and 0.1 rad/sqrt(s)
+ALIGNING_NOISE = 15.0**2  # until aligned
 GRAIN = 0.003  # [m] neither mount nor pad are known better
 SCALE = 1e-3  # [1] of the lateral distance: focal length
 ALIKE = 10.0  # echoes
@@ -74,7 +74,8 @@ def _step(attitude, height, place, t, fx, fy, fz, wx, wy, wz, present):
         for topic in range(last.accepted.shape[0]):
             newest = max(newest, last.accepted[topic])
         aid = min(1.0, max(0.0, (AID_NONE - (t - newest)) / (AID_NONE - AID_FULL)))
-        variance = 0.5 * (last.p[4, 4] + last.p[5, 5])
+        # what is known of the error and not yet turned back is an error still
+        variance = 0.5 * (last.p[4, 4] + last.p[5, 5] + last.x[4] ** 2 + last.x[5] ** 2)
         propagate(attitude, t, fx, fy, fz, wx, wy, wz, last.x[4], last.x[5], variance, aid)
         # until it is aligned the acceleration is taken for none, as in trimmed flight
         noise = 1.0 if a.aligned == 1 else ALIGNING_NOISE

@@ -53,10 +53,10 @@ class PositionNoise:
         given: dict[str, float] = {}
         if (imu := equipment.sensors.get("imu")) is not None:
             bias = math.hypot(imu["accel_bias_std"], imu["accel_drift_std"], GRAVITY * imu["misalignment_std"])
-            # as a walk that comes as far as a constant bias does in the 5 s that it takes to be corrected
-            walk = math.hypot(imu["gyro_bias_std"], imu["gyro_drift_std"]) * math.sqrt(5.0)
+            # as a walk that comes as far as a constant bias does in the 3 s that it takes to be corrected
+            walk = math.hypot(imu["gyro_bias_std"], imu["gyro_drift_std"]) * math.sqrt(3.0)
             given |= {
-                "acceleration": math.hypot(imu["accel_noise"], 0.02),
+                "acceleration": math.hypot(imu["accel_noise"], 0.01),
                 "accelerometer": bias,
                 "tilt_walk": math.hypot(walk, imu["gyro_noise"]),
             }
