@@ -125,11 +125,14 @@ def test_the_barometer_s_bias_is_found_and_kept_for_the_way_up(filter_: Altitude
     assert filter_.mode is Mode.HIGH
 
 
-def test_the_mode_has_hysteresis(filter_: AltitudeFilter) -> None:
-    lift = Lift(filter_, lambda t: 2.85 - SONAR_LEVER + 0.1 * math.sin(2.0 * t) * min(1.0, t / 5))
+@pytest.mark.parametrize(("centre", "mode"), [(3.0, Mode.HIGH), (2.75, Mode.NEAR)])
+def test_the_mode_has_hysteresis(filter_: AltitudeFilter, centre: float, mode: Mode) -> None:
+    """Up and down across one threshold and not across the other: at most the first choice is made."""
+    lift = Lift(filter_, lambda t: centre - SONAR_LEVER + 0.15 * math.sin(2.0 * t) * min(1.0, t / 5))
     lift.run(30.0)
     changes = sum(a is not b for a, b in zip(lift.modes, lift.modes[1:], strict=False))
     assert changes <= 1
+    assert lift.modes[-1] is mode
 
 
 def test_echoes_that_insist_correct_a_filter_astray(filter_: AltitudeFilter) -> None:
