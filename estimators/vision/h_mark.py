@@ -91,11 +91,13 @@ class HMarkFrontEnd:
         self._size = max(mark.leg, mark.width)
 
     def see(self, image: Image, attitude: Floats, prediction: PadPrediction | None = None) -> PadSighting | None:
-        """The mark in a picture (H, W) uint8, or None.
+        """The mark in a picture (H, W) uint8, or (H, W, 3) RGB which is made grey; or None.
 
         attitude: (4,) wxyz, body to world, at the picture's time. prediction: where the filter expects the mark, or
         None. A mark that is not wholly in the picture is seen only with a prediction.
         """
+        if image.ndim == 3:
+            image = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
         if image.shape != (self.camera.height, self.camera.width):
             raise ValueError(
                 f"picture: {image.shape[1]}x{image.shape[0]}, the camera has {self.camera.width}x{self.camera.height}"
