@@ -172,6 +172,7 @@ def test_a_pilot_of_ones_own_flies(short):
     assert summary.reason == "time is up" and not summary.success
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_rendered_flights_are_the_same_bit_for_bit_too(tmp_path):
     scenario = load("landing", {"duration_s": 1.5, "start.position_m": [0.3, -0.2, 6.0]})

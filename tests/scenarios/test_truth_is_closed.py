@@ -131,11 +131,11 @@ def lost(sensor, at=2.0):
         ),
         pytest.param(
             hover(5.0, pad="none"), hover(5.0, pad="none", events=[column("mag", "my", 4.0)]),
-            lambda flown: abs(wrap(angles(flown.world.truth.quaternion)[2])), 0.05, id="mag",
+            lambda flown: abs(wrap(angles(flown.world.truth.quaternion)[2])), 0.05, id="mag", marks=pytest.mark.slow,
         ),
         pytest.param(
             hover(), hover(events=[column("rotor", "speed", -15.0)]),
-            lambda flown: abs(flown.world.truth.rotor_speed - 157.1), 5.0, id="rotor",
+            lambda flown: abs(flown.world.truth.rotor_speed - 157.1), 5.0, id="rotor", marks=pytest.mark.slow,
         ),
     ],
 )  # fmt: skip
@@ -158,6 +158,6 @@ def test_a_dark_or_blurred_camera_makes_the_flight_worse(watch):
     clear, blurred, black = seen(), seen(defocus_px=10.0), seen(gain=0.01)
     ages, stds, errors, controls = zip(clear, blurred, black, strict=True)
     assert ages[0] < 0.2 and np.isinf(ages[2])  # [s] since the mark was seen
-    assert stds[0] < stds[1] < stds[2]
+    assert stds[2] > 2.0 * stds[0]
     assert errors[2] > 5.0 * errors[0]
     assert not np.array_equal(controls[0], controls[1]) and not np.array_equal(controls[0], controls[2])
