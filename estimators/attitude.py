@@ -21,114 +21,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators import notch
+from estimators.attitude_memory import ATTITUDE, CHANNELS, HARMONICS, attitude_at, look_back, remember
+from estimators.heading import MEASURED_FOR, align
 from flightlog.constants import GRAVITY
 from flightlog.equipment import Equipment
-from flightlog.rotations import angles, from_vector, matrix, multiply, quaternion, wrap
+from flightlog.rotations import from_vector, matrix, multiply
 
 Floats = NDArray[np.float64]
-
-HISTORY = 512  # samples kept for late pictures: 2 s at 250 Hz
-INPUTS = 5
-CHANNELS = 6  # force and rate, three axes each, run through the notches
-HARMONICS = 2
-
-ATTITUDE = np.dtype(
-    [
-        ("t", "f8"),  # [s] of the last sample
-        ("samples", "i8"),
-        ("aligned", "i8"),
-        ("q", "f8", (4,)),  # wxyz, body to world
-        ("bias", "f8", (3,)),  # [rad/s] of the gyroscopes
-        ("raw_rate", "f8", (3,)),  # [rad/s] last sample, bias removed
-        ("rates", "f8", (3,)),  # [rad/s] bias removed, through the notches, mean of two samples
-        # what the filters of position and height integrate: acceleration R f + g [m/s^2] ENU, through the notches, and
-        # how fast the correction turns the tilt error d [rad/s] east, north
-        ("inputs", "f8", (INPUTS,)),
-        ("mean_acceleration", "f8", (3,)),  # [m/s^2] the same, mean of two samples
-        ("quiet_rate", "f8", (3,)),  # [rad/s] last sample, bias removed, through the notches
-        ("plumb", "f8", (3,)),  # [m/s^2] slow mean of R f
-        ("field", "f8", (3,)),  # [uT] body axes, sum until aligned
-        ("force", "f8", (3,)),  # [m/s^2] body axes, sum until aligned
-        ("fields", "i8"),
-        ("start", "f8"),  # [s] of the first sample
-        ("variance_level", "f8"),  # [rad^2]
-        ("variance_heading", "f8"),  # [rad^2]
-        ("yaw_error", "f8"),  # [rad] estimated minus measured, counter-clockwise
-        ("yaw_time", "f8"),  # [s] when that was measured
-        ("deviation", "f8"),  # [rad] azimuth by magnetometer minus true, counter-clockwise
-        ("variance_deviation", "f8"),  # [rad^2]
-        ("deviation_time", "f8"),  # [s]
-        ("rotor_speed", "f8"),  # [rad/s]
-        ("notch_speed", "f8"),  # [rad/s] for which the notches stand
-        ("notch", "f8", (HARMONICS, 5)),
-        ("notch_memory", "f8", (CHANNELS, HARMONICS, 2)),
-        ("times", "f8", (HISTORY,)),
-        ("quaternions", "f8", (HISTORY, 4)),
-        ("turning", "f8", (HISTORY, 3)),  # [rad/s] rates of that time
-        # settings
-        ("period", "f8"),  # [s] of the inertial sensor
-        ("mount", "f8", (3,)),  # [m] its place, body axes
-        ("earth_field", "f8", (3,)),  # [uT] ENU
-        ("nominal_speed", "f8"),  # [rad/s] of the rotor
-        ("gain", "f8"),  # [1/s] proportional, level
-        ("integral", "f8"),  # [1/s] share of the levelling that goes to the gyroscopes' bias
-        ("gain_heading", "f8"),  # [1/s]
-        ("gain_unaided", "f8"),  # [1/s] level, by the plumb line
-        ("bias_limit", "f8"),  # [rad/s]
-        ("floor_level", "f8"),  # [rad] what b/g and misalignment leave
-        ("floor_heading", "f8"),  # [rad] of the magnetometer alone
-        ("field_noise", "f8"),  # [rad] of one magnetometer sample's azimuth
-        ("gyro_std", "f8"),  # [rad/s] unknown bias
-    ],
-    align=True,
-)
 
 ALIGNMENT = 0.2  # [s] five turns of the rotor: the vibration averages out
 ALIGNED = 0.012  # [rad] tilt error that is left: trimmed flight is not quite without acceleration
 PLUMB_TAU = 0.5  # [s]
 PLUMB_GATE = 0.3  # [m/s^2] of the plumb line's length about gravity
-DEVIATION_TAU = 60.0  # [s] the magnetometer's deviation changes in: drift, and turns of the nose
 PLUMB_TRUST = 0.03  # [rad]
 COAST_TAU = 0.1  # [s] without an inertial sample the last rates are believed so long
 COAST_RATE = 0.1  # [rad/s] at which it may turn then
-MEASURED_FOR = 0.2  # [s] an azimuth stays in force until the next one
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _align(a):
-    """Attitude of level flight without acceleration from the means of force and field so far."""
-    fx, fy, fz = a.force[0], a.force[1], a.force[2]
-    length = math.sqrt(fx * fx + fy * fy + fz * fz)
-    if length < 1e-3:
-        return
-    # the force's direction is the world's up in body axes: (sin pitch, cos pitch sin roll, cos pitch cos roll)
-    pitch = math.asin(max(-1.0, min(1.0, fx / length)))
-    roll = math.atan2(fy, fz)
-    q = quaternion(roll, pitch, 0.5 * math.pi)
-    if a.fields > 0:
-        level = matrix(q) @ a.field
-        yaw = math.atan2(a.earth_field[1], a.earth_field[0]) - math.atan2(level[1], level[0])
-        q = quaternion(roll, pitch, 0.5 * math.pi - yaw)
-        a.variance_heading = a.floor_heading**2
-    a.q[:] = q
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _remember(a):
-    i = a.samples % HISTORY
-    a.times[i] = a.t
-    a.quaternions[i, :] = a.q
-    a.turning[i, :] = a.raw_rate
-    a.samples += 1
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _look_back(a):
-    """Carry the attitude found back over the samples from which it was found."""
-    for k in range(a.samples - 2, max(0, a.samples - HISTORY) - 1, -1):
-        i, j = k % HISTORY, (k + 1) % HISTORY
-        dt = a.times[j] - a.times[i]
-        a.quaternions[i, :] = multiply(a.quaternions[j], from_vector(-0.5 * dt * (a.turning[i] + a.turning[j])))
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -184,16 +91,16 @@ def propagate(memory, t, fx, fy, fz, wx, wy, wz, tilt_e, tilt_n, variance, aid):
         a.force[0] += fx
         a.force[1] += fy
         a.force[2] += fz
-        _align(a)
+        align(a)
         if t - a.start >= ALIGNMENT - 0.5 * a.period:
             a.aligned = 1
             a.variance_level = a.floor_level**2 + ALIGNED**2
-            _remember(a)
-            _look_back(a)
+            remember(a)
+            look_back(a)
         a.inputs[:] = 0.0
         a.plumb[0], a.plumb[1], a.plumb[2] = 0.0, 0.0, GRAVITY
         if a.aligned == 0:
-            _remember(a)
+            remember(a)
         return
 
     # mean rates of the interval by the trapezoidal rule; the force is taken into the world by the attitude of its own
@@ -248,7 +155,7 @@ def propagate(memory, t, fx, fy, fz, wx, wy, wz, tilt_e, tilt_n, variance, aid):
     else:
         a.variance_heading += dt * 2.0 * std * learnt
     a.variance_heading = min(a.variance_heading, math.pi**2)
-    _remember(a)
+    remember(a)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -266,93 +173,7 @@ def coast(memory, t):
     turned = COAST_RATE * dt
     a.variance_level += turned * (turned + 2.0 * math.sqrt(a.variance_level))
     a.variance_heading += turned * (turned + 2.0 * math.sqrt(a.variance_heading))
-    _remember(a)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def correct_azimuth(memory, t, mx, my, mz):
-    """One magnetometer sample [uT]."""
-    a = memory[0]
-    if a.aligned == 0:
-        a.field[0] += mx
-        a.field[1] += my
-        a.field[2] += mz
-        a.fields += 1
-        if a.samples > 0:
-            _align(a)
-        return
-    r = matrix(a.q)
-    e = r[0, 0] * mx + r[0, 1] * my + r[0, 2] * mz
-    n = r[1, 0] * mx + r[1, 1] * my + r[1, 2] * mz
-    error = wrap(math.atan2(n, e) - math.atan2(a.earth_field[1], a.earth_field[0]))
-    if a.fields == 0:  # the first field of all: the heading was a guess
-        turn = np.zeros(3)
-        turn[2] = -error
-        a.q[:] = multiply(from_vector(turn), a.q)
-        a.variance_heading = a.floor_heading**2
-        error = 0.0
-    a.fields += 1
-    # the deviation that the mark has shown
-    spread = a.variance_deviation
-    if spread < a.floor_heading**2:
-        error += a.deviation
-    a.yaw_error = wrap(error)
-    a.yaw_time = t
-
-
-@numba.njit(cache=True, error_model="numpy")
-def attitude_at(memory, t):
-    """(quaternion (4,), rates (3,)) at the time `t` [s], interpolated; the nearest end's outside the history."""
-    a = memory[0]
-    newest = a.samples - 1
-    oldest = max(0, a.samples - HISTORY)
-    k = newest
-    while k > oldest and a.times[k % HISTORY] > t:
-        k -= 1
-    i, j = k % HISTORY, min(k + 1, newest) % HISTORY
-    q, w = a.quaternions[i].copy(), a.turning[i].copy()
-    span = a.times[j] - a.times[i]
-    if span <= 0.0 or t <= a.times[i]:
-        return q, w
-    share = min(1.0, (t - a.times[i]) / span)
-    # neighbours are 4 ms apart: the chord is the arc
-    sign = 1.0 if q[0] * a.quaternions[j, 0] + q[1] * a.quaternions[j, 1] + q[2] * a.quaternions[j, 2] + q[
-        3
-    ] * a.quaternions[j, 3] > 0.0 else -1.0  # fmt: skip
-    size = 0.0
-    for c in range(4):
-        q[c] = (1.0 - share) * q[c] + share * sign * a.quaternions[j, c]
-        size += q[c] * q[c]
-    for c in range(4):
-        q[c] /= math.sqrt(size)
-    for c in range(3):
-        w[c] = (1.0 - share) * w[c] + share * a.turning[j, c]
-    return q, w
-
-
-@numba.njit(cache=True, error_model="numpy")
-def correct_axis(memory, t, angle, std):
-    """The mark's axis, which points north, seen `angle` [rad] clockwise from forward at the time `t`."""
-    a = memory[0]
-    q, _ = attitude_at(memory, t)
-    _, _, heading = angles(q)
-    # the heading is -angle modulo pi; yaw runs against it
-    error = -angle - heading
-    error -= math.pi * math.floor(error / math.pi + 0.5)
-    if a.t - a.yaw_time < MEASURED_FOR and a.fields > 0:
-        # azimuth error by magnetometer, without the deviation in force, against that by vision
-        in_force = a.deviation if a.variance_deviation < a.floor_heading**2 else 0.0
-        value = error - (a.yaw_error - in_force)
-        grown = min(1.0, max(0.0, (t - a.deviation_time) / DEVIATION_TAU)) * a.floor_heading**2
-        a.variance_deviation = min(a.floor_heading**2, a.variance_deviation + grown)
-        noise = std * std + a.field_noise**2
-        gain = a.variance_deviation / (a.variance_deviation + noise)
-        a.deviation += gain * (value - a.deviation)
-        a.variance_deviation *= 1.0 - gain
-        a.deviation_time = t
-    elif std < 0.1 and a.variance_heading < 0.3:
-        a.yaw_error = error
-        a.yaw_time = a.t
+    remember(a)
 
 
 @dataclass(frozen=True)

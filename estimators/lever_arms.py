@@ -5,7 +5,7 @@ import math
 import numba
 import numpy as np
 
-from estimators.attitude import attitude_at
+from estimators.attitude_memory import attitude_at
 from flightlog.rotations import matrix
 
 

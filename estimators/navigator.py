@@ -11,25 +11,23 @@ acceleration 5.2 ms, from the notches and the mean of two samples that take the 
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import altitude, position
+from estimators import altitude, chain, position
 from estimators.altitude import AltitudeFilter, AltitudeNoise
-from estimators.attitude import ATTITUDE, AttitudeFilter, coast, correct_axis, correct_azimuth, propagate
-from estimators.delayed_kalman import AHEAD, advance_memory
+from estimators.attitude import AttitudeFilter
+from estimators.eyes import FrontEnd as FrontEnd
+from estimators.eyes import HorizonEye, expect_pad
+from estimators.heading import correct_axis, correct_azimuth
 from estimators.lever_arms import antenna, pad_in_world, ranger
 from estimators.position import PositionFilter, PositionNoise
-from estimators.vision.horizon import HorizonSighting
-from estimators.vision.sighting import PadPrediction, PadSighting
-from flightlog.constants import GRAVITY
-from flightlog.equipment import Equipment
-from flightlog.rotations import angles, matrix
+from estimators.replay import AHEAD
+from estimators.vision.sighting import PadPrediction
+from flightlog.equipment import CameraSpec, Equipment
 from flightlog.signals import (
     BaroSample,
     Frame,
@@ -48,96 +46,9 @@ Floats = NDArray[np.float64]
 
 BEFORE = 0.25  # [s] the filters begin so long before the first sample: late ones may be from before it
 LONGEST_GAP = 60.0  # [s] an inertial sample farther ahead has a broken stamp
-BLIND_NOISE = 100.0**2  # of the inputs, without inertial samples: about 1 m/s^2/sqrt(Hz) and 0.1 rad/sqrt(s)
-ALIGNING_NOISE = 15.0**2  # until aligned
 GRAIN = 0.003  # [m] neither mount nor pad are known better
 SCALE = 1e-3  # [1] of the lateral distance: focal length
 ALIKE = 10.0  # echoes
-AID_FULL, AID_NONE = 0.6, 1.5  # [s] age of the last fix up to which, and from which on not, it levels the attitude
-
-
-class FrontEnd(Protocol):
-    """What sees the pad in a picture."""
-
-    def see(self, image: NDArray[np.uint8], attitude: Floats, prediction: PadPrediction | None) -> PadSighting | None:
-        """The mark in a picture (H, W) taken with an attitude (4,) wxyz; None where it is not found."""
-        ...
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _step(attitude, height, place, t, fx, fy, fz, wx, wy, wz, present):
-    """One inertial sample through the three filters; where it is not `present`, on to `t` without one."""
-    a, p = attitude[0], place[0]
-    if present:
-        last = p.ring[(p.epochs - 1) % p.ring.shape[0]]
-        newest = -math.inf
-        for topic in range(last.accepted.shape[0]):
-            newest = max(newest, last.accepted[topic])
-        aid = min(1.0, max(0.0, (AID_NONE - (t - newest)) / (AID_NONE - AID_FULL)))
-        # what is known of the error and not yet turned back is an error still
-        variance = 0.5 * (last.p[4, 4] + last.p[5, 5] + last.x[4] ** 2 + last.x[5] ** 2)
-        propagate(attitude, t, fx, fy, fz, wx, wy, wz, last.x[4], last.x[5], variance, aid)
-        # until it is aligned the acceleration is taken for none, as in trimmed flight
-        noise = 1.0 if a.aligned == 1 else ALIGNING_NOISE
-    else:
-        coast(attitude, t)
-        noise = BLIND_NOISE
-    advance_memory(height, t, a.inputs, noise)
-    advance_memory(place, t, a.inputs, noise)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _report(attitude, height, place):
-    """Everything that a StateEstimate holds, in a row (32,); see `Navigator._estimate`."""
-    a, h, p = attitude[0], height[0], place[0]
-    v, s = h.ring[(h.epochs - 1) % h.ring.shape[0]], p.ring[(p.epochs - 1) % p.ring.shape[0]]
-    out = np.empty(32)
-    out[0], out[1], out[2] = s.x[0], s.x[1], v.x[0]
-    out[3], out[4], out[5] = s.x[2], s.x[3], v.x[1]
-    f = a.mean_acceleration
-    out[6], out[7], out[8] = f[0] - GRAVITY * s.x[4] - s.x[6], f[1] - GRAVITY * s.x[5] - s.x[7], f[2] - v.x[2]
-    out[9:13] = a.q
-    out[13:16] = a.rates
-    for i in range(2):
-        out[16 + i] = math.sqrt(s.p[i, i])
-        out[19 + i] = math.sqrt(s.p[2 + i, 2 + i])
-        out[22 + i] = math.sqrt(a.variance_level)
-    out[18], out[21], out[24] = math.sqrt(v.p[0, 0]), math.sqrt(v.p[1, 1]), math.sqrt(a.variance_heading)
-    out[25], out[26], out[27] = angles(a.q)
-    out[28] = a.t
-    out[29] = a.rotor_speed
-    out[30] = a.t - s.accepted[2]
-    out[31] = a.t - max(v.accepted[1], v.accepted[2], v.accepted[3])
-    return out
-
-
-class HorizonEye(Protocol):
-    """What sees the horizon in a picture of a forward camera."""
-
-    def see(self, image: NDArray[np.uint8]) -> HorizonSighting | None:
-        """Roll and pitch of the vehicle from a picture (H, W, 3) RGB; None where there is no horizon in it."""
-        ...
-
-
-@cache
-def _compile() -> None:
-    """Have every compiled function ready before the flight: each is called once, on memories of no flight."""
-    attitude = np.zeros(1, ATTITUDE)
-    attitude["period"], attitude["aligned"], attitude["notch_speed"] = 0.004, 1, 1.0
-    high, side = AltitudeFilter(AltitudeNoise(), 0.0), PositionFilter(PositionNoise(), 0.0)
-    _step(attitude, high.kalman.memory, side.kalman.memory, 0.004, 0.0, 0.0, 9.8, 0.0, 0.0, 0.0, True)
-    correct_azimuth(attitude, 0.0, 0.0, 20.0, -40.0)
-    correct_axis(attitude, 0.0, 0.0, 0.01)
-    place, axes = np.zeros(3), np.eye(3)
-    antenna(attitude, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, place)
-    ranger(attitude, 1.0, place, 0.1)
-    pad_in_world(attitude, 0.0, 0.0, 0.0, 1.0, axes, place, axes, GRAIN, SCALE)
-    high.vision(0.002, 1.0, 1.0)
-    side.vision(0.002, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0)
-    for kalman in (high.kalman, side.kalman):
-        kalman.refresh()
-        kalman.state_at(0.003)
-    _report(attitude, high.kalman.memory, side.kalman.memory)
 
 
 class Navigator:
@@ -154,7 +65,7 @@ class Navigator:
         horizons: Mapping[str, HorizonEye] = MappingProxyType({}),
     ) -> None:
         """Compiles what is not compiled yet, then waits for the first samples."""
-        _compile()
+        chain.compile_all()
         self._equipment = equipment
         self._front_end = front_end
         self._horizons = horizons
@@ -252,10 +163,10 @@ class Navigator:
 
     def _step(self, t: float, fx: float, fy: float, fz: float, wx: float, wy: float, wz: float, present: bool) -> None:
         memories = self._attitude.memory, self._altitude.kalman.memory, self._position.kalman.memory
-        _step(*memories, t, fx, fy, fz, wx, wy, wz, present)
+        chain.step(*memories, t, fx, fy, fz, wx, wy, wz, present)
 
     def _estimate(self) -> StateEstimate:
-        row = _report(self._attitude.memory, self._altitude.kalman.memory, self._position.kalman.memory)
+        row = chain.report(self._attitude.memory, self._altitude.kalman.memory, self._position.kalman.memory)
         _, _, up, *_ = numbers = row.tolist()
         tail = numbers[25:]
         high = self._altitude
@@ -361,7 +272,7 @@ class Navigator:
             self._refuse("frames")
             return
         q = self._attitude.at(frame.t)
-        seen = front_end.see(frame.image, q, self._prediction(frame.t, q))
+        seen = front_end.see(frame.image, q, self._expect(frame.t, q, camera))
         self._overlays["down"] = () if seen is None else (np.vstack([seen.outline, seen.outline[:1]]),)
         if seen is None:
             return
@@ -406,25 +317,6 @@ class Navigator:
             correct_axis(memory, s.t, s.angle, s.std_angle)
         self._correct = True
 
-    def _prediction(self, t: float, q: Floats) -> PadPrediction | None:
-        """Where the mark should be at the time of a picture, taken with the attitude `q`."""
-        camera = self._down
-        assert camera is not None
-        side, side_p = self._position.kalman.state_at(t)
-        high, high_p = self._altitude.kalman.state_at(t)
-        height = float(high[altitude.H])
-        lever = height**2 * np.diag(side_p)[position.D_E : position.A_E]
-        variance = np.append(np.diag(side_p)[:2] + lever, high_p[altitude.H, altitude.H])
-        if np.max(variance) > 25.0:
-            return None
-        to_camera = (matrix(q) @ camera.mount.axes).T
-        there = to_camera @ -np.append(side[:2] + height * side[position.D_E : position.A_E], height)
-        there -= camera.mount.axes.T @ camera.mount.position
-        _, _, heading = angles(q)
+    def _expect(self, t: float, q: Floats, camera: CameraSpec) -> PadPrediction | None:
         std_heading = math.sqrt(float(self._attitude.memory["variance_heading"][0]))
-        return PadPrediction(
-            position=there,
-            angle=math.pi / 2 - (math.pi / 2 + heading) % math.pi,
-            std_position=np.sqrt(to_camera**2 @ variance),
-            std_angle=std_heading,
-        )
+        return expect_pad(t, q, std_heading, self._altitude, self._position, camera)

@@ -19,8 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.attitude import INPUTS
-from estimators.delayed_kalman import TAKEN, Component, DelayedKalman, LinearModel
+from estimators.attitude_memory import INPUTS
+from estimators.delayed_kalman import Component, DelayedKalman, LinearModel
+from estimators.replay import TAKEN
 from flightlog.constants import GRAVITY
 from flightlog.equipment import Equipment
 

@@ -9,7 +9,9 @@ from scipy.signal import freqz
 from scipy.spatial.transform import Rotation
 
 from estimators import notch
-from estimators.attitude import AttitudeFilter, attitude_at, coast, correct_axis, correct_azimuth, propagate
+from estimators.attitude import AttitudeFilter, coast, propagate
+from estimators.attitude_memory import attitude_at
+from estimators.heading import correct_axis, correct_azimuth
 from flightlog.constants import GRAVITY
 from flightlog.equipment import Equipment, SensorSpec
 from flightlog.rotations import angles, from_angles, matrix, quaternion, wrap

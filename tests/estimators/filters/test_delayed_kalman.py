@@ -12,18 +12,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from estimators.delayed_kalman import (
-    DUPLICATE,
-    FUTURE,
-    HARD_GATE,
-    NOT_FINITE,
-    SOFT_GATE,
-    STALE,
-    TAKEN,
-    Component,
-    DelayedKalman,
-    LinearModel,
-)
+from estimators.delayed_kalman import Component, DelayedKalman, LinearModel
+from estimators.replay import DUPLICATE, FUTURE, HARD_GATE, NOT_FINITE, SOFT_GATE, STALE, TAKEN
 
 Floats = NDArray[np.float64]
 DT = 0.004

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from estimators.attitude import ATTITUDE, AttitudeFilter, propagate
+from estimators.attitude import AttitudeFilter, propagate
+from estimators.attitude_memory import ATTITUDE
 from estimators.lever_arms import antenna, pad_in_world, ranger
 from flightlog.camera import DOWN
 from flightlog.constants import GRAVITY
