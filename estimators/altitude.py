@@ -130,11 +130,11 @@ class AltitudeFilter:
     FORLORN = 2.0  # [s] without another height the barometer is heard even near the ground
     DOWNWASH = 1.5  # [m] then its error may be this large
 
-    def __init__(self, noise: AltitudeNoise, t: float) -> None:
-        """Starts at `t` [s], knowing nothing of the height."""
+    def __init__(self, noise: AltitudeNoise, t: float, epochs: int = 160) -> None:
+        """Starts at `t` [s], knowing nothing of the height; remembers so many epochs."""
         self.noise = noise
         start = [100.0, 3.0, noise.acceleration_bias, noise.baro_bias, noise.gps_bias, noise.scale]
-        self.kalman = DelayedKalman(model(noise), t, np.zeros(6), np.diag(np.square(start)))
+        self.kalman = DelayedKalman(model(noise), t, np.zeros(6), np.diag(np.square(start)), epochs=epochs)
         self.mode = Mode.HIGH
         self.height = 0.0  # [m] as of the last report, for the choice of measurements
         self.deviation = 100.0  # [m] its standard deviation

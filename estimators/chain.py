@@ -69,11 +69,11 @@ def report(attitude, height, place):
 
 
 @cache
-def compile_all() -> None:
-    """Have every compiled function ready before the flight: each is called once, on memories of no flight."""
+def compile_all(epochs: int) -> None:
+    """Have all compiled before the flight: each function is called once, on memories `epochs` long that fly nowhere."""
     attitude = np.zeros(1, ATTITUDE)
     attitude["period"], attitude["aligned"], attitude["notch_speed"] = 0.004, 1, 1.0
-    high, side = AltitudeFilter(AltitudeNoise(), 0.0), PositionFilter(PositionNoise(), 0.0)
+    high, side = AltitudeFilter(AltitudeNoise(), 0.0, epochs), PositionFilter(PositionNoise(), 0.0, epochs)
     step(attitude, high.kalman.memory, side.kalman.memory, 0.004, 0.0, 0.0, 9.8, 0.0, 0.0, 0.0, True)
     correct_azimuth(attitude, 0.0, 0.0, 20.0, -40.0)
     correct_axis(attitude, 0.0, 0.0, 0.01)

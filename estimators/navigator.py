@@ -45,10 +45,20 @@ from flightlog.signals import (
 Floats = NDArray[np.float64]
 
 BEFORE = 0.25  # [s] the filters begin so long before the first sample: late ones may be from before it
+LEAST_EPOCHS, SPARE = 160, 0.4  # 0.64 s at 250 Hz; [s]
 LONGEST_GAP = 60.0  # [s] an inertial sample farther ahead has a broken stamp
 GRAIN = 0.003  # [m] neither mount nor pad are known better
 SCALE = 1e-3  # [1] of the lateral distance: focal length
 ALIKE = 10.0  # echoes
+
+
+def _memory_length(equipment: Equipment) -> int:
+    """Epochs to remember: the latest sample, and as much again as jitter may add."""
+    latencies = [sensor.latency for sensor in equipment.sensors.values()]
+    latest = max(latencies + [camera.latency for camera in equipment.cameras.values()])
+    needed = (latest + SPARE) * equipment.sensors["imu"].rate
+    # few lengths, because each is compiled for itself
+    return LEAST_EPOCHS * 2 ** max(0, math.ceil(math.log2(needed / LEAST_EPOCHS)))
 
 
 class Navigator:
@@ -65,7 +75,8 @@ class Navigator:
         horizons: Mapping[str, HorizonEye] = MappingProxyType({}),
     ) -> None:
         """Compiles what is not compiled yet, then waits for the first samples."""
-        chain.compile_all()
+        self._epochs = _memory_length(equipment)
+        chain.compile_all(self._epochs)
         self._equipment = equipment
         self._front_end = front_end
         self._horizons = horizons
@@ -155,8 +166,8 @@ class Navigator:
             late = [getattr(m, "t_arrival", m.t) for m in measurements]
             stamps = [max([t for t in late if math.isfinite(t)], default=0.0)]
         t = stamps[0] - BEFORE
-        self._altitude = AltitudeFilter(AltitudeNoise.of(self._equipment), t)
-        self._position = PositionFilter(PositionNoise.of(self._equipment), t)
+        self._altitude = AltitudeFilter(AltitudeNoise.of(self._equipment), t, self._epochs)
+        self._position = PositionFilter(PositionNoise.of(self._equipment), t, self._epochs)
         self._time = stamps[0] - self._period
         self._attitude.memory["t"] = self._time
         self._started = True

@@ -101,11 +101,11 @@ def model(noise: PositionNoise) -> LinearModel:
 class PositionFilter:
     """The filter; positions [m] of the body origin, east and north of the pad's centre."""
 
-    def __init__(self, noise: PositionNoise, t: float) -> None:
-        """Starts at `t` [s], knowing nothing of the position."""
+    def __init__(self, noise: PositionNoise, t: float, epochs: int = 160) -> None:
+        """Starts at `t` [s], knowing nothing of the position; remembers so many epochs."""
         self.noise = noise
         start = np.repeat([100.0, 3.0, noise.tilt_start, noise.accelerometer, noise.gps_bias], 2)
-        self.kalman = DelayedKalman(model(noise), t, np.zeros(10), np.diag(start**2))
+        self.kalman = DelayedKalman(model(noise), t, np.zeros(10), np.diag(start**2), epochs=epochs)
         self._rows = tuple(np.zeros(10) for _ in range(4))
         for axis in range(2):
             self._rows[GPS_E + axis][[E + axis, G_E + axis]] = 1.0

@@ -1,7 +1,7 @@
 """All filters together on synthetic flights with every sensor's faults."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -313,6 +313,16 @@ def test_stamps_from_the_past_and_the_future_are_refused(synthetic, equipment: E
     rejected = {topic: count - before.get(topic, 0) for topic, count in navigator.rejected.items()}
     assert rejected == {"baro": 2, "gps": 2, "pad": 2, "imu": 1}
     assert np.abs(state.position - flight.motion.position(now)).max() < 0.2
+
+
+def test_a_receiver_that_is_known_to_be_very_late_is_waited_for(synthetic, equipment: Equipment) -> None:
+    gps = equipment.sensors["gps"]
+    slow = replace(equipment, sensors={**equipment.sensors, "gps": replace(gps, latency=1.0)})
+    recipe = synthetic.Recipe(duration=8.0, latency={"gps": 1.0, "pad": 0.06})
+    track = follow(synthetic.fly(14, recipe).drop(PadSample), slow)
+    assert not track.navigator.rejected
+    late = track.after(4.0)
+    assert np.all(np.abs(track.position[late]) < 4.5 * track.std_position[late])
 
 
 def test_a_wild_picture_is_rejected_and_counted(synthetic, equipment: Equipment) -> None:
