@@ -7,11 +7,13 @@ Memory is the proportional set size of all processes, the largest seen.
 """
 
 import json
+import multiprocessing
 import os
 import sys
 import tempfile
 import threading
 import time
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,9 +25,9 @@ from rich.console import Console
 from rich.table import Table
 
 from estimators.navigator import FrontEnd, Navigator
-from estimators.vision.h_mark import HMarkFrontEnd
 from estimators.vision.sighting import PadPrediction, PadSighting
 from flightlog.equipment import Equipment
+from scenarios.crew import front_ends
 from scenarios.flight import Flight, fly
 from scenarios.load import load
 from scenarios.schema import Scenario
@@ -80,39 +82,43 @@ class TimedFrontEnd:
         return seen
 
 
-def measure(cameras: bool, runs: int) -> dict[str, object]:
-    flights: list[Flight] = []
+def fly_once(cameras: bool, seed: int) -> tuple[Flight, int]:
+    """One landing, and the largest memory [bytes] of this process and the renderer's."""
+    fly(load("landing", {"duration_s": 1.0}), cameras=False)  # compiled code is loaded, as in any later flight
     memory = Memory()
     memory.start()
-    for seed in range(runs):
-        with tempfile.TemporaryDirectory() as folder:
-            # a landing without cameras is what campaigns fly: nothing is written
-            place = Path(folder) / "flight" if cameras else None
-            timed: list[TimedFrontEnd] = []
+    timed: list[TimedFrontEnd] = []
 
-            def navigator(
-                equipment: Equipment, scenario: Scenario, sees: bool, timed: list[TimedFrontEnd] = timed
-            ) -> Navigator:
-                if not sees:
-                    return Navigator(equipment)
-                camera = equipment.cameras["down"]
-                timed.append(TimedFrontEnd(HMarkFrontEnd(camera.model, camera.mount, equipment.mark)))
-                return Navigator(equipment, timed[0])
+    def navigator(equipment: Equipment, scenario: Scenario, sees: bool) -> Navigator:
+        if not sees:
+            return Navigator(equipment)
+        mark, horizons = front_ends(equipment, scenario)
+        assert mark is not None
+        timed.append(TimedFrontEnd(mark))
+        return Navigator(equipment, timed[0], horizons)
 
-            flight = fly(
-                load("landing"), seed=seed, cameras=cameras, folder=place, name="landing", navigator=navigator
-            )
-            vision = timed[0].seconds / flight.wall_s if timed else 0.0
-            shares = flight.shares | {"vision": vision, "filters": flight.shares["navigator"] - vision}
-            del shares["navigator"]
-            flights.append(replace(flight, shares=shares))
-    flights.sort(key=lambda flight: flight.real_time_factor)
+    with tempfile.TemporaryDirectory() as folder:
+        # a landing without cameras is what campaigns fly: nothing is written
+        place = Path(folder) / "flight" if cameras else None
+        flight = fly(load("landing"), seed=seed, cameras=cameras, folder=place, navigator=navigator)
+    vision = timed[0].seconds / flight.wall_s if timed else 0.0
+    shares = flight.shares | {"vision of the pad": vision, "filters, horizon": flight.shares["navigator"] - vision}
+    del shares["navigator"]
+    return replace(flight, shares=shares), memory.stop()
+
+
+def measure(cameras: bool, runs: int) -> dict[str, object]:
+    # each in a process of its own, as `helideck land` flies: what one leaves behind is not the next one's
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=context, max_tasks_per_child=1) as pool:
+        flown = list(pool.map(fly_once, [cameras] * runs, range(runs)))
+    flights = sorted((flight for flight, _ in flown), key=lambda flight: flight.real_time_factor)
     middle = flights[len(flights) // 2]
     return {
         "real_time_factor": {"least": flights[0].real_time_factor, "median": middle.real_time_factor},
         "startup_s": middle.startup_s,
         "shares": middle.shares,
-        "memory_bytes": memory.stop(),
+        "memory_bytes": max(memory for _, memory in flown),
         "renderer": middle.renderer,
         "landed": sum(flight.summary.landed for flight in flights),
     }
@@ -120,7 +126,6 @@ def measure(cameras: bool, runs: int) -> dict[str, object]:
 
 def main() -> int:
     options = tyro.cli(Options, description=__doc__)
-    fly(load("landing", {"duration_s": 1.0}), cameras=False)  # compiled code is loaded, as in any later flight
     report = {"cores": os.cpu_count(), "rendered": measure(True, options.runs), "blind": measure(False, options.runs)}
     if options.json:
         print(json.dumps(report, indent=2))

@@ -87,20 +87,24 @@ PilotMaker = Callable[[Vehicle, Site, Scenario, float], Pilot]
 
 
 def make_navigator(equipment: Equipment, scenario: Scenario, sees: bool) -> Navigator:
-    """The navigator that the scenario names; `sees`: pictures will come."""
+    """The navigator that the scenario names; `sees`: pictures will come. UserError where a sensor is missing."""
     for topic in NEEDED:
         if topic not in equipment.sensors:
             raise UserError(f"sensors.{topic}: is missing: the navigator {scenario.navigator!r} cannot do without")
-    front_end, horizons = None, {}
-    if sees:
-        # OpenCV's own threads gain nothing on pictures of this size and disturb the renderer
-        cv2.setNumThreads(1)
-        for name, camera in equipment.cameras.items():
-            if name == "down" and scenario.pad == "h":
-                front_end = HMarkFrontEnd(camera.model, camera.mount, equipment.mark)
-            elif name.startswith("forward"):
-                horizons[name] = HorizonFrontEnd(camera.model, camera.mount)
-    return estimators.navigator.Navigator(equipment, front_end, horizons)
+    mark, horizons = front_ends(equipment, scenario) if sees else (None, {})
+    return estimators.navigator.Navigator(equipment, mark, horizons)
+
+
+def front_ends(equipment: Equipment, scenario: Scenario) -> tuple[HMarkFrontEnd | None, dict[str, HorizonFrontEnd]]:
+    """What looks at the down camera's pictures, if the scenario has a mark, and at each forward camera's."""
+    # OpenCV's own threads gain nothing on pictures of this size and disturb the renderer
+    cv2.setNumThreads(1)
+    mark = None
+    if scenario.pad == "h" and "down" in equipment.cameras:
+        down = equipment.cameras["down"]
+        mark = HMarkFrontEnd(down.model, down.mount, equipment.mark)
+    ahead = {name: camera for name, camera in equipment.cameras.items() if name.startswith("forward")}
+    return mark, {name: HorizonFrontEnd(camera.model, camera.mount) for name, camera in ahead.items()}
 
 
 def make_pilot(vehicle: Vehicle, site: Site, scenario: Scenario, heading: float) -> Pilot:
