@@ -129,7 +129,7 @@ class AltitudeLoop:
         pitch = collective_law(gains, limited / upright, rotor_speed, height, ground_effect)
         collective = min(max(pitch, gains.lowest), gains.highest)
         excess = (load - limited) + (pitch - collective)
-        self.saturated = (excess > 0.0) - (excess < 0.0)
+        self.saturated = int(excess > 0.0) - int(excess < 0.0)
         if not hold and error * self.saturated <= 0.0:
             steady = self._steady + gains.integral * SAMPLE_TIME * error
             self._steady = min(max(steady, -STEADY_LIMIT), STEADY_LIMIT)

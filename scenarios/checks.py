@@ -23,6 +23,12 @@ def check(scenario: Scenario, vehicle: Vehicle, cameras: Mapping[str, CameraSpec
     _check_cameras(scenario, cameras, rendered)
     _check_sensors(scenario, vehicle)
     _check_events(scenario, vehicle, cameras, rendered)
+    if scenario.plan.goal == "land" and any(scenario.plan.point_m[:2]):
+        east, north, _ = scenario.plan.point_m
+        raise UserError(
+            f"plan.point_m: a landing's point lies over the pad, which is at 0, 0 (got {east:g}, {north:g}); to begin "
+            "elsewhere set start.position_m, to land elsewhere script an event of kind target"
+        )
     if scenario.pad != "none" and "down" not in cameras:
         raise UserError(f'{vehicle.path}: cameras.down: is missing: the pad is seen by it; or set pad = "none"')
 

@@ -1,6 +1,7 @@
 """What a flight was like: the figures of `land --json`, from the truth that the estimators never saw."""
 
 import math
+from array import array
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -78,8 +79,8 @@ class Observer:
         """hand_over [s]: when the pilot takes over; errors count from then on."""
         self._equipment = equipment
         self._hand_over = hand_over
-        self._truth: list[tuple[float, ...]] = []  # t, e, n, u, ve, vn, vu, roll, pitch
-        self._fused: list[tuple[float, ...]] = []  # t, u, roll, pitch, heading
+        self._truth = array("d")  # rows of t, e, n, u, ve, vn, vu, roll, pitch
+        self._fused = array("d")  # rows of t, u, roll, pitch, heading
         self._samples: dict[str, list[tuple[Any, ...]]] = {topic: [] for topic in _HEIGHTS.values()}
         self._left_point: float | None = None
         self.touchdown: Touchdown | None = None
@@ -94,7 +95,7 @@ class Observer:
         """Largest distance [m] from a point, once the vehicle has been within half a metre of it."""
         if not self._truth:
             return math.inf
-        distance = np.linalg.norm(np.array(self._truth)[:, 1:4] - np.asarray(point), axis=1)
+        distance = np.linalg.norm(np.array(self._truth).reshape(-1, 9)[:, 1:4] - np.asarray(point), axis=1)
         near = np.flatnonzero(distance < 0.5)
         return float(distance[near[0] :].max()) if len(near) else float(distance.min())
 
@@ -106,8 +107,8 @@ class Observer:
         e, n, u = truth.position.tolist()
         velocity = truth.velocity.tolist()
         roll, pitch, _ = angles(truth.quaternion)
-        self._truth.append((truth.t, e, n, u, *velocity, roll, pitch))
-        self._fused.append((state.t, float(state.position[2]), state.roll, state.pitch, state.heading))
+        self._truth.extend((truth.t, e, n, u, *velocity, roll, pitch))
+        self._fused.extend((state.t, float(state.position[2]), state.roll, state.pitch, state.heading))
         for sample in {id(sample): sample for sample in (*measurements, *detections)}.values():
             topic = _HEIGHTS.get(type(sample))
             if topic is not None:
@@ -121,7 +122,8 @@ class Observer:
     def _sensor_heights(self) -> dict[str, Series]:
         """Height of the body origin by each sensor alone."""
         measured = {topic: table("measured", topic, rows) for topic, rows in self._samples.items() if rows}
-        measured["estimate"] = table("measured", "estimate", self._fused, ("t", "u", "roll", "pitch", "heading"))
+        fused = np.array(self._fused).reshape(-1, 5).tolist()
+        measured["estimate"] = table("measured", "estimate", fused, ("t", "u", "roll", "pitch", "heading"))
         return heights(measured, {}, self._equipment)
 
     def summary(self, *, landed: bool, success: bool, reason: str) -> Summary:

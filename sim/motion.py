@@ -36,25 +36,47 @@ def sense_motion(s, qpos, qvel, wind, surface_pressure, surface_temperature):  #
     return r
 
 
+@numba.njit(cache=True)
+def finite(qpos, qvel, rotor_speed):  # type: ignore[no-untyped-def]
+    """Whether these are still numbers that a machine could have: neither NaN nor beyond all bounds."""
+    total = abs(rotor_speed)
+    for value in qpos:
+        total += abs(value)
+    for value in qvel:
+        total += abs(value)
+    return total < BEYOND
+
+
 @numba.njit(
-    types.void(
-        types.ListType(types.FunctionType(KERNEL)), _spans, _signals, _geometry, _vector, _vector, types.float64,
-        _vector, _vector, _vector, types.float64, types.float64, types.UniTuple(types.float64, 5), _vector,
+    types.boolean(
+        types.ListType(types.FunctionType(KERNEL)), _spans, types.Array(_signals, 1, "C"),
+        types.Array(_geometry, 1, "C"), _vector, _vector, types.float64, _vector, _vector, _vector, types.float64,
+        types.float64, types.UniTuple(types.float64, 5), _vector, _vector,
     ),
     cache=True,
 )  # fmt: skip
 def advance(  # type: ignore[no-untyped-def]
-    kernels, spans, s, v, x, p, dt, qpos, qvel, wind, surface_pressure, surface_temperature, controls, qfrc
-):
-    """Run the model for dt [s] at the motion in qpos, qvel and write its force into qfrc (6,)."""
+    kernels, spans, signals, geometry, x, p, dt, qpos, qvel, wind, surface_pressure, surface_temperature, controls,
+    turns, qfrc,
+):  # fmt: skip
+    """Run the model for dt [s] at the motion in qpos, qvel and write its force into qfrc (nv,).
+
+    signals, geometry: records as arrays of one, which are cheaper to hand over. turns (nv,): what each joint behind
+    the free one turns for one turn of the main rotor; their speeds are set in qvel. False where a result is no number
+    that a flight comes near.
+    """
+    s = signals[0]
     r = sense_motion(s, qpos, qvel, wind, surface_pressure, surface_temperature)
     s.time += dt
     s.collective, s.lateral, s.longitudinal, s.tail, s.throttle = controls
-    run(kernels, spans, s, v, x, p, dt)
+    run(kernels, spans, s, geometry[0], x, p, dt)
     for axis in range(3):
         # MuJoCo's free joint takes its force in world axes and its moment in body axes
         qfrc[axis] = r[axis, 0] * s.force[0] + r[axis, 1] * s.force[1] + r[axis, 2] * s.force[2]
         qfrc[3 + axis] = s.moment[axis]
+    for joint in range(6, len(turns)):
+        qvel[joint] = turns[joint] * s.rotor_speed
+    return finite(qfrc, qvel, s.rotor_speed)
 
 
 @numba.njit(cache=True)
@@ -79,14 +101,3 @@ def observe(  # type: ignore[no-untyped-def]
         rates[axis] = qvel[3 + axis]
     for i in range(4):
         quaternion[i] = qpos[3 + i]
-
-
-@numba.njit(cache=True)
-def finite(qpos, qvel, rotor_speed):  # type: ignore[no-untyped-def]
-    """Whether these are still numbers that a machine could have: neither NaN nor beyond all bounds."""
-    total = abs(rotor_speed)
-    for value in qpos:
-        total += abs(value)
-    for value in qvel:
-        total += abs(value)
-    return total < BEYOND

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
-from typing import NoReturn, Protocol, Self
+from typing import NoReturn, Self
 
 import mujoco
 import numpy as np
@@ -20,23 +20,23 @@ from flightlog.equipment import CameraSpec
 from flightlog.errors import UserError
 from flightlog.marks import HMark
 from flightlog.rotations import matrix, quaternion
-from flightlog.signals import Controls, Frame, Measurement
+from flightlog.signals import Controls, Measurement
 from sim import sensors
 from sim.assembly import assemble
-from sim.cameras.request import FrameRequest
+from sim.cameras.shutter import Exposure, Eyes, Shutter
 from sim.divergence import SimulationDiverged, suspect
 from sim.light import Light
 from sim.linearisation import Trim, trim
 from sim.motion import advance, finite, observe
 from sim.pipeline import Pipeline
 from sim.randomness import generator
-from sim.scene import CompiledScene
+from sim.scene import MAIN_ROTOR, TAIL_ROTOR, CompiledScene
 from sim.schedule import TICK, InTransit, Schedule
 from sim.sensors.barometer import Barometer
 from sim.sensors.contract import Sensor, Truth
 from sim.sensors.faults import Fault
 from sim.sensors.pad_camera import PadCamera
-from sim.terms.contract import Term
+from sim.terms.contract import GEOMETRY, SIGNALS, Term
 from sim.vehicle import Vehicle
 from sim.weather import Weather
 from sim.wind import Gust, Wind
@@ -46,22 +46,6 @@ Floats = NDArray[np.float64]
 TICKS_PER_STEP = 2  # the loop turns at 250 Hz, the rate of the IMU
 STEP = TICKS_PER_STEP * TICK  # [s]
 MAGNETIC_FIELD = np.array([0.0, 22.0, -42.0])  # [uT] ENU: middle latitudes, declination taken out
-
-
-class Eyes(Protocol):
-    """What takes the pictures: asked at the instant of exposure, fetched when they arrive."""
-
-    def submit(self, request: FrameRequest) -> None:
-        """Ask for a picture; returns at once."""
-        ...
-
-    def collect(self) -> tuple[FrameRequest, NDArray[np.uint8]]:
-        """The oldest request not collected yet with its picture (H, W) or (H, W, 3); waits for it where it must."""
-        ...
-
-    def close(self) -> None:
-        """Let go of the renderer."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,11 +103,14 @@ class World:
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self.data = mujoco.MjData(self.model)
         self._body = self.model.body("vehicle").id
-        self._hinges = [self.model.joint(name).dofadr[0] for name in ("main_rotor", "tail_rotor")]
         self._qpos = self.data.qpos[:7]
-        self._qvel = self.data.qvel[:6]
-        self._qfrc = self.data.qfrc_applied[:6]
-        self._directions = (float(vehicle.geometry["rotor_direction"]), 4.6)  # the tail rotor turns 4.6 times as fast
+        self._all_qvel = self.data.qvel
+        self._qvel = self._all_qvel[:6]
+        self._qfrc = self.data.qfrc_applied
+        # the hinges show the rotors' speed; their reaction on the body lives in the terms
+        self._turns = np.zeros(self.model.nv)
+        self._turns[self.model.joint(MAIN_ROTOR).dofadr[0]] = vehicle.geometry["rotor_direction"]
+        self._turns[self.model.joint(TAIL_ROTOR).dofadr[0]] = vehicle.parameters.get("tail_rotor", {}).get("gear", 1.0)
         self._hinge_mass = float(self.model.body_subtreemass[self._body] - self.model.body_mass[self._body])
 
         self.pipeline = Pipeline(
@@ -146,9 +133,17 @@ class World:
                 f"{vehicle.path}: cannot hold its place at {start.position[2]:.1f} m in {self.weather.wind:g} m/s of "
                 f"wind: {error}; less wind, less mass or more control would be right"
             ) from error
-        self.signals = self.trim.signals
+        self._geometry = np.zeros(1, GEOMETRY)
+        self._geometry[0] = vehicle.geometry
+        self._signals = np.zeros(1, SIGNALS)
+        self._signals[0] = self.trim.signals
+        self.signals = self._signals[0]  # a view
         self.signals["time"] = 0.0
         self.pipeline.state[:] = self.trim.state
+        # as they were before the step under way, for whoever asks what went wrong
+        self._sound_signals, self._sound_state = self._signals.copy(), self.pipeline.state.copy()
+        # numpy copies records field by field, bytes at once
+        self._signal_bytes, self._sound_bytes = self._signals.view(np.uint8), self._sound_signals.view(np.uint8)
         self.controls = self.trim.controls
 
         self.tick = 0
@@ -167,9 +162,8 @@ class World:
         self._fault_generator = generator(seeds, "faults")
         self._silent: dict[str, float] = {}  # device -> until when [s]
         self._transit = InTransit()
-        self._exposures: dict[str, int] = {}
-        self._developed: dict[tuple[str, int], NDArray[np.uint8]] = {}
         self.eyes = eyes(self.scene) if eyes is not None else None
+        self._shutter = Shutter(self.eyes, self.cameras) if self.eyes is not None else None
 
     def __enter__(self) -> Self:
         return self
@@ -207,29 +201,30 @@ class World:
         airspeed = math.hypot(u[0] - w[0], u[1] - w[1])
         self._air = a.step(float(self._qpos[2]), airspeed, STEP, self.t)
         sent = tuple(controls)
-        self._sound = self.signals.copy(), self.pipeline.state.copy()
+        self._sound_bytes[:] = self._signal_bytes
+        self._sound_state = self.pipeline.state.copy()
         if not math.isfinite(sum(sent)):
             self._diverged()  # the servos' stops would make a number of it
         for _ in range(TICKS_PER_STEP):
-            advance(
+            sound = advance(
                 self.pipeline.kernels,
                 self.pipeline.spans,
-                self.signals,
-                self.pipeline.geometry,
+                self._signals,
+                self._geometry,
                 self.pipeline.state,
                 self.pipeline.parameters,
                 TICK,
                 self._qpos,
-                self._qvel,
+                self._all_qvel,
                 self._air,
                 self.weather.pressure,
                 self.weather.temperature,
                 sent,
+                self._turns,
                 self._qfrc,
             )
-            if not finite(self._qfrc, self._qvel, float(self.signals["rotor_speed"])):
+            if not sound:
                 self._diverged()
-            self._turn_rotors()
             mujoco.mj_step(self.model, self.data)
             self.tick += 1
             self._sample()
@@ -240,7 +235,7 @@ class World:
     def measure(self) -> list[Measurement]:
         """What has arrived since the last call, in order of arrival."""
         arrived = list(self._transit.arrived(self.tick))
-        return [self._develop(item) if isinstance(item, FrameRequest) else item for item in arrived]
+        return [item.develop() if isinstance(item, Exposure) else item for item in arrived]
 
     # --- what a scenario may do to the world -------------------------------------------------------------------------
 
@@ -297,13 +292,6 @@ class World:
         if abs(mass - self.model.body_mass[self._body]) > 1e-4:
             self.model.body_mass[self._body] = mass
 
-    def _turn_rotors(self) -> None:
-        """The hinges show the rotors' speed; their reaction on the body lives in the terms."""
-        speed = float(self.signals["rotor_speed"])
-        qvel = self.data.qvel
-        qvel[self._hinges[0]] = self._directions[0] * speed
-        qvel[self._hinges[1]] = self._directions[1] * speed
-
     def _first_truth(self) -> Truth:
         height = float(self._qpos[2])
         rotation = matrix(self._qpos[3:7])
@@ -358,8 +346,9 @@ class World:
         for name in due:
             if self._silent and self._silent.get(name, 0.0) > self.truth.t:
                 continue
-            if name in self.cameras:
-                self._expose(name)
+            if name in self.cameras and self._shutter is not None:
+                exposure = self._shutter.expose(name, self.truth.t, self.data, self.light)
+                self._transit.send(exposure, exposure.t_arrival)
                 continue
             sensor = self._sensors[name]
             sample = sensor.sample(self.truth)
@@ -391,27 +380,6 @@ class World:
         truth.pressure = pressure_at(height, self.weather.pressure, self.weather.temperature)
         truth.temperature = temperature_at(height, self.weather.temperature)
 
-    def _expose(self, camera: str) -> None:
-        """Have a picture taken of this instant; it is fetched when it arrives."""
-        assert self.eyes is not None
-        index = self._exposures.get(camera, 0)
-        self._exposures[camera] = index + 1
-        request = FrameRequest(
-            camera, self.truth.t, index, self.data.qpos.copy(), self.data.qvel.copy(), self.light
-        )
-        self.eyes.submit(request)
-        self._transit.send(request, request.t + self.cameras[camera].latency)
-
-    def _develop(self, request: FrameRequest) -> Frame:
-        """The picture of a request; the renderer hands them out in the order of exposure, not of arrival."""
-        assert self.eyes is not None
-        key = (request.camera, request.index)
-        while key not in self._developed:
-            done, picture = self.eyes.collect()
-            self._developed[done.camera, done.index] = picture
-        arrival = request.t + self.cameras[request.camera].latency
-        return Frame(request.t, arrival, request.camera, self._developed.pop(key))
-
     def _touch(self) -> None:
         """What touches the ground now."""
         contact = self.contact
@@ -434,7 +402,8 @@ class World:
         qpos = np.concatenate([last.position, last.quaternion])
         qvel = np.concatenate([last.velocity, last.rates])
         surface = (self.weather.pressure, self.weather.temperature)
-        cause = suspect(self.pipeline, *self._sound, qpos, qvel, self._air, surface, self.controls)
+        before = (self._sound_signals[0], self._sound_state)
+        cause = suspect(self.pipeline, *before, qpos, qvel, self._air, surface, self.controls)
         raise SimulationDiverged(
             f"the physics left the numbers at t = {self.t:.3f} s; last sound state: position "
             f"{np.round(last.position, 2).tolist()} m, velocity {np.round(last.velocity, 2).tolist()} m/s, rates "

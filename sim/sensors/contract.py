@@ -50,8 +50,8 @@ class Sensor(Protocol):
     """One device: called at each of its own sampling instants.
 
     Every sensor declares `rate` [Hz] (a divisor of 500) and `latency` [s] (default 0) among its PARAMETERS; `position`
-    (3,) [m] is its mount in body axes. `numbers` holds a value for each of PARAMETERS by name, SI, and may be changed in
-    flight by a scripted fault: read it at every sample. All randomness comes from `rng`; what the device draws for
+    (3,) [m] is its mount in body axes. `numbers` holds a value for each of PARAMETERS by name, SI, and may be changed
+    in flight by a scripted fault: read it at every sample. All randomness comes from `rng`; what the device draws for
     the whole flight (a bias) it draws in the constructor.
     """
 

@@ -365,3 +365,11 @@ def test_every_key_of_a_sensor_names_its_unit_and_keeps_its_range(topic):
             if math.isfinite(value):
                 with pytest.raises(UserError, match="must be at"):
                     build(sensors={topic: {key: value}})
+
+
+def test_a_landing_off_the_pad_is_refused_before_the_flight() -> None:
+    from scenarios.flight import fly
+    from scenarios.load import build
+
+    with pytest.raises(UserError, match=r"plan\.point_m: .*over the pad.*got 3, 2"):
+        fly(build(plan={"goal": "land", "point_m": [3.0, 2.0, 10.0]}), cameras=False)
