@@ -109,7 +109,7 @@ class Observer:
         roll, pitch, _ = angles(truth.quaternion)
         self._truth.extend((truth.t, e, n, u, *velocity, roll, pitch))
         self._fused.extend((state.t, float(state.position[2]), state.roll, state.pitch, state.heading))
-        for sample in {id(sample): sample for sample in (*measurements, *detections)}.values():
+        for sample in (*measurements, *detections):
             topic = _HEIGHTS.get(type(sample))
             if topic is not None:
                 self._samples[topic].append(sample)  # type: ignore[arg-type]

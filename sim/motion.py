@@ -4,7 +4,8 @@
 import numba
 from numba import types
 
-from flightlog.atmosphere import density_at
+from flightlog.atmosphere import density_at, pressure_at, temperature_at
+from flightlog.constants import GRAVITY
 from flightlog.rotations import matrix
 from sim.pipeline import run
 from sim.terms.contract import GEOMETRY, KERNEL, SIGNALS
@@ -81,10 +82,12 @@ def advance(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def observe(  # type: ignore[no-untyped-def]
-    qpos, qvel, before, since, gravity, position, quaternion, rotation, velocity, rates, specific_force, spin
-):
+    signals, qpos, qvel, before, since, surface_pressure, surface_temperature, position, quaternion, rotation, velocity,
+    rates, specific_force, spin,
+):  # fmt: skip
     """Bring what is known of the motion up to qpos (7,), qvel (6,).
 
+    Returns rotor speed [rad/s], thrust [N], inflow [m/s], and the air's pressure [Pa] and temperature [K] there.
     before (6,): qvel of `since` [s] ago. Specific force (3,) [m/s^2] and angular acceleration `spin` (3,) [rad/s^2]
     are means over that time in body axes: what an integrating IMU sees, and free of the integrator's internals.
     """
@@ -92,7 +95,7 @@ def observe(  # type: ignore[no-untyped-def]
     rotation[:] = r
     fx = (qvel[0] - before[0]) / since
     fy = (qvel[1] - before[1]) / since
-    fz = (qvel[2] - before[2]) / since + gravity
+    fz = (qvel[2] - before[2]) / since + GRAVITY
     for axis in range(3):
         specific_force[axis] = fx * r[0, axis] + fy * r[1, axis] + fz * r[2, axis]
         spin[axis] = (qvel[3 + axis] - before[3 + axis]) / since
@@ -101,3 +104,6 @@ def observe(  # type: ignore[no-untyped-def]
         rates[axis] = qvel[3 + axis]
     for i in range(4):
         quaternion[i] = qpos[3 + i]
+    pressure = pressure_at(qpos[2], surface_pressure, surface_temperature)
+    s = signals[0]
+    return s.rotor_speed, s.thrust, s.inflow, pressure, temperature_at(qpos[2], surface_temperature)

@@ -362,23 +362,17 @@ class World:
     def _look(self, means_end: bool) -> None:
         """Bring the truth up to this tick; `means_end`: the IMU's next means begin here."""
         truth = self.truth
-        signals = self.signals
         t = self.tick * TICK
-        observe(
-            self._qpos, self._qvel, self._before, t - self._before_t, GRAVITY, truth.position, truth.quaternion,
-            truth.rotation, truth.velocity, truth.rates, truth.specific_force, truth.angular_acceleration,
+        truth.rotor_speed, truth.thrust, truth.inflow, truth.pressure, truth.temperature = observe(
+            self._signals, self._qpos, self._qvel, self._before, t - self._before_t, self.weather.pressure,
+            self.weather.temperature, truth.position, truth.quaternion, truth.rotation, truth.velocity, truth.rates,
+            truth.specific_force, truth.angular_acceleration,
         )  # fmt: skip
         truth.t = t
+        truth.wind[:] = self._air
         if means_end:
             self._before[:] = self._qvel
             self._before_t = t
-        truth.rotor_speed = float(signals["rotor_speed"])
-        truth.thrust = float(signals["thrust"])
-        truth.inflow = float(signals["inflow"])
-        truth.wind[:] = self._air
-        height = float(self._qpos[2])
-        truth.pressure = pressure_at(height, self.weather.pressure, self.weather.temperature)
-        truth.temperature = temperature_at(height, self.weather.temperature)
 
     def _touch(self) -> None:
         """What touches the ground now."""
