@@ -130,7 +130,7 @@ def test_no_file_holds(what):
 )
 def test_a_planted_address_is_found(what, parts):
     assert FORBIDDEN[what].search("".join(parts))
-    assert not FORBIDDEN[what].search("see https://example.com/home/docs, assets/tmp/x, ~/work/y and PYTHON=/its/path")
+    assert not FORBIDDEN[what].search("see https://example.com/home/docs, assets/tmp/x, ~/place/y and PYTHON=/its/path")
 
 
 def locked() -> dict[str, Requirement]:
