@@ -98,7 +98,7 @@ def fly(folder):
 def test_a_killed_flight_is_readable_to_its_last_second(tmp_path):
     process = fly(tmp_path / "flight")
     process.send_signal(signal.SIGKILL)
-    process.communicate()
+    process.communicate(timeout=60)
     flight = read_flight(tmp_path / "flight")
     assert (tmp_path / "flight/measured/imu.arrows").exists()
     assert len(flight.measured["imu"]) >= 21 * 250
@@ -108,7 +108,7 @@ def test_a_killed_flight_is_readable_to_its_last_second(tmp_path):
 def test_after_ctrl_c_the_flight_is_closed(tmp_path):
     process = fly(tmp_path / "flight")
     process.send_signal(signal.SIGINT)
-    assert b"KeyboardInterrupt" in process.communicate()[1]
+    assert b"KeyboardInterrupt" in process.communicate(timeout=60)[1]
     assert [p.name for p in (tmp_path / "flight/measured").iterdir()] == ["imu.parquet"]
     flight = read_flight(tmp_path / "flight")
     assert len(flight.measured["imu"]) >= 21 * 250
