@@ -19,6 +19,7 @@ from scenarios.crew import plant_of
 from sim.linearisation import Trim, trim
 from sim.motion import advance
 from sim.pipeline import Pipeline
+from sim.terms.contract import GEOMETRY, SIGNALS
 from sim.vehicle import Vehicle, load
 from sim.weather import Weather
 from sim.wind import Gust, Wind
@@ -87,7 +88,9 @@ class Flight:
         self.touching = np.zeros(1)
         self.air = np.zeros(3)
         self.t = 0.0
-        self.signals = self.at.signals.copy()
+        self._signals = np.array([self.at.signals], dtype=SIGNALS)
+        self._geometry = np.array([self.pipeline.geometry], dtype=GEOMETRY)
+        self.signals = self._signals[0]  # a view
         self.pipeline.state[:] = self.at.state
         self.controls = self.at.controls
         self.pad_age = 0.0
@@ -125,8 +128,9 @@ class Flight:
         model = self.pipeline
         for _ in range(2):
             advance(
-                model.kernels, model.spans, self.signals, model.geometry, model.state, model.parameters, TICK,
-                self.qpos, self.qvel, self.air, SURFACE_PRESSURE, SURFACE_TEMPERATURE, tuple(controls), self.qfrc,
+                model.kernels, model.spans, self._signals, self._geometry, model.state, model.parameters, TICK,
+                self.qpos, self.qvel, self.air, SURFACE_PRESSURE, SURFACE_TEMPERATURE, tuple(controls), np.zeros(6),
+                self.qfrc,
             )  # fmt: skip
             _move(
                 self.qpos, self.qvel, self.qfrc, self.at.inertia, float(self.signals["mass"]), TICK, SKIDS,

@@ -172,6 +172,7 @@ def test_figures_are_spread_as_numpy_says(flown):
 
 
 def test_the_time_left_is_shown(monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")  # rich draws no bars on a dumb terminal
     console = Console(stderr=True, force_terminal=True, width=100, record=True)
     monkeypatch.setattr(helideck.show, "Console", lambda **_: console)
     with helideck.show.campaign_progress("landing") as progress:

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import subprocess
 import time
 from pathlib import Path
 
@@ -31,6 +32,9 @@ def browser():
     chromium = shutil.which("chromium") or shutil.which("chromium-browser") or "/usr/bin/chromium"
     if not Path(chromium).exists():
         pytest.skip("no Chromium: `apt-get install chromium` brings the one that this test drives")
+    node = Path(playwright.__file__).parents[1] / "driver" / "node"
+    if subprocess.run([node, "--version"], capture_output=True, check=False).returncode:
+        pytest.skip("playwright's driver does not start: `apt-get install libatomic1` brings what it lacks")
     with playwright.sync_playwright() as driver:
         started = driver.chromium.launch(executable_path=chromium, headless=True, args=ARGUMENTS)
         yield started

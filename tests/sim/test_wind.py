@@ -100,7 +100,7 @@ def test_one_step_is_the_matrix_exponential(d):
     block = expm(np.block([[-drift, np.diag([1.0, 0.0])], [np.zeros((2, 2)), drift.T]]) * d)
     transition, noise = block[2:, 2:].T, block[2:, 2:].T @ block[:2, 2:]
     decay, l11, l21, l22 = dryden.noise_roots(d)
-    np.testing.assert_allclose(decay * np.array([[1.0, 0.0], [d, 1.0]]), transition, rtol=1e-9)
+    np.testing.assert_allclose(decay * np.array([[1.0, 0.0], [d, 1.0]]), transition, rtol=1e-9, atol=1e-12)
     root = np.array([[l11, 0.0], [l21, l22]])
     np.testing.assert_allclose(root @ root.T, noise, rtol=2e-6, atol=1e-30)
 
