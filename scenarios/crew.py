@@ -12,6 +12,7 @@ from typing import Protocol
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 import controllers.pilot
 import estimators.navigator
@@ -122,8 +123,9 @@ def make_pilot(vehicle: Vehicle, site: Site, scenario: Scenario, heading: float)
 
 @lru_cache(maxsize=8)
 def _gains(vehicle: Vehicle, surface_pressure: float, surface_temperature: float) -> Gains:
-    """Gains for a vehicle's hover in still air."""
-    return design(plant_of(vehicle, surface_pressure, surface_temperature))
+    """Gains for a vehicle's hover in still air; by one thread, so that they are the same to the bit everywhere."""
+    with threadpool_limits(limits=1):
+        return design(plant_of(vehicle, surface_pressure, surface_temperature))
 
 
 def plant_of(

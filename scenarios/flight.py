@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from flightlog.errors import UserError
 from scenarios.crew import Navigator, NavigatorMaker, Pilot, PilotMaker, make_navigator, make_pilot
@@ -101,7 +102,8 @@ def fly(
     nominal = aboard or vehicles.load(scenario.vehicle)
     flying = vehicle or vehicles.load(scenario.vehicle)
 
-    with make_world(scenario, seeds, flying, cameras=cameras) as world:
+    # BLAS splits its sums by the number of its threads: with one, a flight is the same to the bit wherever it flies
+    with threadpool_limits(limits=1), make_world(scenario, seeds, flying, cameras=cameras) as world:
         rehearse(sees=cameras)  # while the renderer gets ready
         equipment = make_equipment(scenario, nominal, world)
         crew = Crew(navigator(equipment, scenario, cameras), pilot(nominal, world.site, scenario, world.trim.heading))
