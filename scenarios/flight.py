@@ -20,7 +20,7 @@ from scenarios.crew import Navigator, NavigatorMaker, Pilot, PilotMaker, make_na
 from scenarios.events import Script
 from scenarios.recording import FolderRecording, Recording, Unrecorded, versions
 from scenarios.rehearsal import rehearse
-from scenarios.schema import Scenario
+from scenarios.schema import Scenario, Target
 from scenarios.staging import make_equipment, make_world
 from scenarios.stopwatch import Stopwatch
 from scenarios.summary import Observer, Summary
@@ -174,15 +174,24 @@ def _judge(scenario: Scenario, world: World, pilot: Pilot, observer: Observer, r
         success = reason == HELD and observer.strayed(scenario.plan.point_m) <= HOVER_LIMIT
     else:
         offset, sink, drift = LANDING_LIMITS
-        success = landed and (
-            summary.touchdown_offset_m is not None
-            and summary.touchdown_sink_m_s is not None
-            and summary.touchdown_drift_m_s is not None
-            and summary.touchdown_offset_m <= offset
-            and summary.touchdown_sink_m_s <= sink
-            and summary.touchdown_drift_m_s <= drift
+        down = observer.touchdown
+        success = (
+            landed
+            and down is not None
+            and math.dist((down.east, down.north), _target(scenario, down.t)) <= offset
+            and down.sink <= sink
+            and down.drift <= drift
         )
     return replace(summary, success=success)
+
+
+def _target(scenario: Scenario, t: float) -> tuple[float, float]:
+    """Where the pilot was to land at time t [s]: the pad, or where the script has sent it since."""
+    moves = [event for event in scenario.events if isinstance(event, Target) and event.at_s <= t]
+    if not moves:
+        return 0.0, 0.0
+    east, north = max(moves, key=lambda event: event.at_s).position_m
+    return east, north
 
 
 def _at_rest(world: World) -> bool:

@@ -185,3 +185,11 @@ def test_rendered_flights_are_the_same_bit_for_bit_too(tmp_path):
     assert len(pictures[0]) > 45  # 25 and twice 10 a second, less what was still under way
     assert all(a.read_bytes() == b.read_bytes() for a, b in zip(*pictures, strict=True))
     assert len(read_flight(flights[0].folder).measured["pad"]) > 20
+
+
+def test_a_landing_on_a_moved_target_is_judged_there() -> None:
+    moved = {"at_s": 8.0, "kind": "target", "position_m": [0.6, -0.4]}
+    summary = fly(build(events=[moved]), seed=3, cameras=False).summary
+    assert summary.success
+    assert summary.touchdown_east_m == pytest.approx(0.6, abs=0.2)
+    assert summary.touchdown_north_m == pytest.approx(-0.4, abs=0.2)
