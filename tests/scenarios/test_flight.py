@@ -12,7 +12,7 @@ from flightlog.readers import read_flight
 from flightlog.signals import Controls
 from scenarios.crew import make_navigator, make_pilot
 from scenarios.flight import fly
-from scenarios.load import load
+from scenarios.load import build, load
 from sim.divergence import SimulationDiverged
 
 MEASURED = {"imu", "mag", "baro", "gps", "sonar", "rotor", "pad", "controls", "estimate"}
