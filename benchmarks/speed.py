@@ -24,10 +24,11 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from estimators.navigator import FrontEnd, Navigator
+from estimators.eyes import FrontEnd
+from estimators.navigator import Navigator
+from estimators.navigators.helideck import look
 from estimators.vision.sighting import PadPrediction, PadSighting
 from flightlog.equipment import Equipment
-from scenarios.crew import front_ends
 from scenarios.flight import Flight, fly
 from scenarios.load import load
 from scenarios.schema import Scenario
@@ -92,10 +93,10 @@ def fly_once(cameras: bool, seed: int) -> tuple[Flight, int]:
     def navigator(equipment: Equipment, scenario: Scenario, sees: bool) -> Navigator:
         if not sees:
             return Navigator(equipment)
-        mark, horizons = front_ends(equipment, scenario)
-        assert mark is not None
-        timed.append(TimedFrontEnd(mark))
-        return Navigator(equipment, timed[0], horizons)
+        eyes = look(equipment, scenario.variant)
+        assert eyes.pad is not None
+        timed.append(TimedFrontEnd(eyes.pad))
+        return Navigator(equipment, replace(eyes, pad=timed[0]))
 
     with tempfile.TemporaryDirectory() as folder:
         # a landing without cameras is what campaigns fly: nothing is written

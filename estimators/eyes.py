@@ -1,6 +1,8 @@
-"""What sees pictures for the navigator, and what it is told beforehand."""
+"""What sees pictures for a navigator, and what it is told beforehand."""
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -12,6 +14,7 @@ from estimators.vision.horizon import HorizonSighting
 from estimators.vision.sighting import PadPrediction, PadSighting
 from flightlog.equipment import CameraSpec
 from flightlog.rotations import angles, matrix
+from flightlog.signals import FlowSample, Frame
 
 Floats = NDArray[np.float64]
 
@@ -32,6 +35,23 @@ class HorizonEye(Protocol):
     def see(self, image: NDArray[np.uint8]) -> HorizonSighting | None:
         """Roll and pitch of the vehicle from a picture (H, W, 3) RGB; None where there is no horizon in it."""
         ...
+
+
+class FlowEye(Protocol):
+    """What sees the ground move between pictures; remembers the pictures that it compares with."""
+
+    def see(self, frame: Frame) -> FlowSample | None:
+        """Image motion up to this picture (H, W); None for the first, or where there is nothing to compare."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Eyes:
+    """What looks at which camera's pictures; nothing looks where there is None."""
+
+    pad: FrontEnd | None = None  # down camera
+    flow: FlowEye | None = None  # down camera
+    horizons: Mapping[str, HorizonEye] = field(default_factory=dict)  # forward cameras by name
 
 
 def expect_pad(

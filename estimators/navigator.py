@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from estimators import altitude, chain, position
 from estimators.altitude import AltitudeFilter, AltitudeNoise
 from estimators.attitude import AttitudeFilter
-from estimators.eyes import FrontEnd as FrontEnd
-from estimators.eyes import HorizonEye, expect_pad
+from estimators.eyes import Eyes, expect_pad
 from estimators.heading import correct_axis, correct_azimuth
 from estimators.lever_arms import antenna, pad_in_world, ranger
 from estimators.position import PositionFilter, PositionNoise
@@ -30,6 +29,7 @@ from estimators.vision.sighting import PadPrediction
 from flightlog.equipment import CameraSpec, Equipment
 from flightlog.signals import (
     BaroSample,
+    FlowSample,
     Frame,
     GpsSample,
     HorizonSample,
@@ -64,22 +64,17 @@ def _memory_length(equipment: Equipment) -> int:
 class Navigator:
     """Built from the sensors as known aboard.
 
-    `front_end` sees the pad in the down camera's pictures; `horizons`, by camera, see the horizon. What these see is
-    given out among the detections and drawn; the attitude does not use it.
+    What the horizons' eyes see is given out among the detections and drawn; the attitude does not use it.
     """
 
-    def __init__(
-        self,
-        equipment: Equipment,
-        front_end: FrontEnd | None = None,
-        horizons: Mapping[str, HorizonEye] = MappingProxyType({}),
-    ) -> None:
+    def __init__(self, equipment: Equipment, eyes: Eyes | None = None) -> None:
         """Compiles what is not compiled yet, then waits for the first samples."""
         self._epochs = _memory_length(equipment)
         chain.compile_all(self._epochs)
         self._equipment = equipment
-        self._front_end = front_end
-        self._horizons = horizons
+        self._eyes = eyes = eyes or Eyes()
+        self._front_end = eyes.pad
+        self._horizons = eyes.horizons
         self._attitude = AttitudeFilter(equipment)
         self._period = 1.0 / equipment.sensors["imu"].rate
         self._altitude: AltitudeFilter
@@ -107,6 +102,7 @@ class Navigator:
             RotorSample: self._take_rotor,
             PadSample: self._take_pad,
             HorizonSample: self._take_horizon,
+            FlowSample: self._take_flow,
             Frame: self._take_frame,
         }
 
@@ -271,6 +267,9 @@ class Navigator:
 
     def _take_horizon(self, s: HorizonSample) -> None:
         """Not used: the inertial attitude with its aid is better than a horizon over hills."""
+
+    def _take_flow(self, s: FlowSample) -> None:
+        """Not used."""
 
     def _take_frame(self, frame: Frame) -> None:
         if frame.camera in self._horizons:

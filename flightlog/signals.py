@@ -117,6 +117,21 @@ class HorizonSample(NamedTuple):
     valid: bool
 
 
+class FlowSample(NamedTuple):
+    """Image motion [rad] over the last dt [s], along camera x and y, before rotation is removed.
+
+    u, v are those of the principal point's surroundings: tangents of the angles by which the picture moved.
+    quality [0..1]; 0: nothing to match, u and v are NaN.
+    """
+
+    t: float
+    t_arrival: float
+    dt: float
+    u: float
+    v: float
+    quality: float
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Frame:
     """One picture; `image` is (H, W) or (H, W, 3) RGB, uint8."""
@@ -128,7 +143,16 @@ class Frame:
 
 
 Measurement = (
-    ImuSample | MagSample | BaroSample | GpsSample | SonarSample | RotorSample | PadSample | HorizonSample | Frame
+    ImuSample
+    | MagSample
+    | BaroSample
+    | GpsSample
+    | SonarSample
+    | RotorSample
+    | PadSample
+    | HorizonSample
+    | FlowSample
+    | Frame
 )
 
 

@@ -34,9 +34,17 @@ def sensors() -> dict[str, str]:
     return {topic: ", ".join(p.scenario_key for p in sensor.PARAMETERS) for topic, sensor in CATALOGUE.items()}
 
 
+def navigators() -> dict[str, str]:
+    """Navigators that a scenario or `helideck estimate` may name."""
+    from estimators.navigators import NAVIGATORS, describe
+
+    return {name: describe(name) for name in NAVIGATORS}
+
+
 LISTS: Mapping[str, Callable[[], dict[str, str]]] = {
     "scenarios": scenarios,
     "vehicles": vehicles,
     "terms": terms,
     "sensors": sensors,
+    "navigators": navigators,
 }

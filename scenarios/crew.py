@@ -5,52 +5,29 @@ Either may be replaced by one's own: `fly(..., navigator=make)` with `make(equip
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Protocol
 
 import cv2
-import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 import controllers.pilot
-import estimators.navigator
 from controllers.gains import Gains, design
 from controllers.landing import Landing, LandingLimits
 from controllers.plant import LinearPlant
 from controllers.sequence import Hover
-from estimators.vision.h_mark import HMarkFrontEnd
-from estimators.vision.horizon import HorizonFrontEnd
+from estimators import navigators
+from estimators.navigators import Navigator
 from flightlog.atmosphere import density_at
 from flightlog.equipment import Equipment
 from flightlog.errors import UserError
-from flightlog.signals import Controls, Measurement, StateEstimate
+from flightlog.signals import Controls, StateEstimate
 from scenarios.schema import Scenario
 from sim.linearisation import linearise, trim
 from sim.pipeline import Pipeline
 from sim.sensors.contract import Site
 from sim.vehicle import Vehicle
-
-Floats = NDArray[np.float64]
-
-
-class Navigator(Protocol):
-    """Measurements in, state out."""
-
-    @property
-    def detections(self) -> Sequence[Measurement]:
-        """What vision found in the pictures of the last update."""
-        ...
-
-    @property
-    def overlays(self) -> Mapping[str, Sequence[Floats]]:
-        """By camera, lines (N, 2) [px] to draw over its last picture."""
-        ...
-
-    def update(self, measurements: Sequence[Measurement]) -> StateEstimate:
-        """What has arrived since the last call, in order of arrival; called at 250 Hz."""
-        ...
 
 
 class Pilot(Protocol):
@@ -80,7 +57,6 @@ class Pilot(Protocol):
         ...
 
 
-NEEDED = ("imu", "rotor")  # sensors without which nobody flies: attitude, and the governor's speed
 PILOTED = ("servo", "engine", "main_rotor", "tail_rotor")  # terms whose numbers the pilot's design takes
 
 NavigatorMaker = Callable[[Equipment, Scenario, bool], Navigator]
@@ -89,23 +65,9 @@ PilotMaker = Callable[[Vehicle, Site, Scenario, float], Pilot]
 
 def make_navigator(equipment: Equipment, scenario: Scenario, sees: bool) -> Navigator:
     """The navigator that the scenario names; `sees`: pictures will come. UserError where a sensor is missing."""
-    for topic in NEEDED:
-        if topic not in equipment.sensors:
-            raise UserError(f"sensors.{topic}: is missing: the navigator {scenario.navigator!r} cannot do without")
-    mark, horizons = front_ends(equipment, scenario) if sees else (None, {})
-    return estimators.navigator.Navigator(equipment, mark, horizons)
-
-
-def front_ends(equipment: Equipment, scenario: Scenario) -> tuple[HMarkFrontEnd | None, dict[str, HorizonFrontEnd]]:
-    """What looks at the down camera's pictures, if the scenario has a mark, and at each forward camera's."""
     # OpenCV's own threads gain nothing on pictures of this size and disturb the renderer
     cv2.setNumThreads(1)
-    mark = None
-    if scenario.pad == "h" and "down" in equipment.cameras:
-        down = equipment.cameras["down"]
-        mark = HMarkFrontEnd(down.model, down.mount, equipment.mark)
-    ahead = {name: camera for name, camera in equipment.cameras.items() if name.startswith("forward")}
-    return mark, {name: HorizonFrontEnd(camera.model, camera.mount) for name, camera in ahead.items()}
+    return navigators.make(scenario.navigator, equipment, variant=scenario.variant, sees=sees)
 
 
 def make_pilot(vehicle: Vehicle, site: Site, scenario: Scenario, heading: float) -> Pilot:

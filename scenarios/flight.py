@@ -15,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from estimators.navigators import Navigator
 from flightlog.errors import UserError
-from scenarios.crew import Navigator, NavigatorMaker, Pilot, PilotMaker, make_navigator, make_pilot
+from scenarios.crew import NavigatorMaker, Pilot, PilotMaker, make_navigator, make_pilot
 from scenarios.events import Script
 from scenarios.recording import FolderRecording, Recording, Unrecorded, versions
 from scenarios.rehearsal import rehearse

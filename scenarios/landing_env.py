@@ -13,8 +13,9 @@ from dm_control.rl import control
 from dm_env import specs
 from numpy.typing import NDArray
 
+from estimators.navigators import Navigator
 from flightlog.signals import Controls, StateEstimate
-from scenarios.crew import Navigator, make_navigator
+from scenarios.crew import make_navigator
 from scenarios.load import load
 from scenarios.schema import Scenario
 from scenarios.staging import make_equipment, make_world

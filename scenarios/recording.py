@@ -7,13 +7,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, Self
 
+from estimators.navigators import Navigator
 from flightlog.errors import UserError
 from flightlog.flight_json import write_flight
 from flightlog.readers.folder import read_flight
 from flightlog.recorder import Recorder
 from flightlog.replay import ReplayWriter
 from flightlog.signals import Controls, Frame, Measurement, StateEstimate
-from scenarios.crew import Navigator
 from scenarios.logbook import Logbook
 from sim.shapes import vehicle_meshes
 from sim.world import World

@@ -13,6 +13,7 @@ from estimators.vision.h_mark import HMarkFrontEnd
 from estimators.vision.horizon import HorizonFrontEnd
 from estimators.vision.sighting import PadPrediction
 from flightlog.equipment import Equipment
+from flightlog.marks import HMark
 from flightlog.rotations import quaternion
 from scenarios.crew import make_navigator, make_pilot
 from scenarios.schema import Scenario
@@ -46,8 +47,9 @@ def rehearse(*, sees: bool) -> None:
 def _look(equipment: Equipment) -> None:
     """Find a drawn mark, then follow it; find a drawn horizon."""
     camera = equipment.cameras["down"]
-    front_end = HMarkFrontEnd(camera.model, camera.mount, equipment.mark)
-    outline = equipment.mark.outline()
+    mark = HMark()
+    front_end = HMarkFrontEnd(camera.model, camera.mount, mark)
+    outline = mark.outline()
     # north up in the picture of a camera that looks down heading north: y of the camera is south
     points = np.column_stack([outline[:, 0], -outline[:, 1], np.full(len(outline), HEIGHT)])
     image = np.full((camera.model.height, camera.model.width), 60, np.uint8)

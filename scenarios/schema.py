@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
 
+from estimators.navigators import NAVIGATORS, Variant
 from flightlog.toml_file import nearest
 from flightlog.topics import MEASURED
 from sim.light import Light
@@ -25,6 +26,12 @@ def _in_the_air(point: list[float]) -> list[float]:
             f"must lie within 3000 m east and north, {LEAST_HEIGHT:g} .. 3000 m above the pad (got {point})"
         )
     return point
+
+
+def _known_navigator(name: str) -> str:
+    if name not in NAVIGATORS:
+        raise ValueError(f"there is no {name!r}; {nearest(name, NAVIGATORS)}")
+    return name
 
 
 LEAST_HEIGHT = 0.3  # [m] of the body origin: the skids are free of the ground
@@ -221,7 +228,8 @@ class Scenario(Strict):
     pad: Literal["h", "none"] = "h"
     scene: Literal["field", "sea"] = "field"
     horizon_dip: bool = False
-    navigator: Literal["helideck"] = "helideck"
+    navigator: Annotated[str, AfterValidator(_known_navigator)] = "helideck"
+    variant: Variant = "helideck"
     duration_s: float = Field(default=120.0, gt=0, le=3600)
     start: Start = Start()
     plan: Plan = Plan()

@@ -16,7 +16,7 @@ from sim.randomness import generator
 from sim.vehicle import Vehicle
 from sim.world import Start, World
 
-PADS = {"h": HMark(), "none": None}
+PADS: dict[str, HMark | None] = {"h": HMark(), "none": None}
 
 
 def make_world(scenario: Scenario, seeds: np.random.SeedSequence, vehicle: Vehicle, *, cameras: bool) -> World:
@@ -45,7 +45,7 @@ def make_equipment(scenario: Scenario, aboard: Vehicle, world: World) -> Equipme
     """What the navigator is told: the sensors as fitted to the vehicle `aboard`, and what was read on the pad."""
     pressure, temperature = world.pad_reading
     site = replace(world.site, surface_pressure=pressure, surface_temperature=temperature)
-    return aboard.equipment(PADS[scenario.pad] or HMark(), site)
+    return aboard.equipment(PADS[scenario.pad], site)
 
 
 def _start(scenario: Scenario, seeds: np.random.SeedSequence) -> Start:

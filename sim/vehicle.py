@@ -127,7 +127,7 @@ class Vehicle:
             skid_height=float(self.geometry["skid_height"]),
         )
 
-    def equipment(self, mark: HMark, site: Site) -> Equipment:
+    def equipment(self, mark: HMark | None, site: Site) -> Equipment:
         """The sensors as the navigator is told of them: nominal numbers, never drawn errors."""
         return Equipment(
             sensors={

@@ -15,7 +15,7 @@ class List:
     Example: helideck list scenarios
     """
 
-    what: tyro.conf.Positional[Literal["scenarios", "vehicles", "terms", "sensors"]]
+    what: tyro.conf.Positional[Literal["scenarios", "vehicles", "terms", "sensors", "navigators"]]
     """Which list."""
 
     json: bool = False

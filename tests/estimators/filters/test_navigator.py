@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from estimators.altitude import Mode
+from estimators.eyes import Eyes
 from estimators.navigator import Navigator
 from estimators.vision.sighting import PadPrediction, PadSighting
 from flightlog.equipment import Equipment
@@ -400,7 +401,7 @@ def test_pictures_are_seen_with_a_prediction_that_holds(synthetic, equipment: Eq
 
     frames = flight.change(PadSample, picture)
     eye = Eye(flight, equipment)
-    navigator = Navigator(equipment, eye)
+    navigator = Navigator(equipment, Eyes(pad=eye))
     seen, drawn = 0, []
     for update in frames.updates:
         navigator.update(update)

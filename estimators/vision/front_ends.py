@@ -1,0 +1,24 @@
+"""Which front end looks at what, by the mark on the ground and the variant asked for."""
+
+from typing import Literal
+
+from estimators.eyes import FrontEnd, HorizonEye
+from estimators.vision.h_mark import HMarkFrontEnd
+from estimators.vision.horizon import HorizonFrontEnd
+from flightlog.equipment import Equipment
+
+Variant = Literal["helideck", "published"]
+
+
+def pad_eye(equipment: Equipment, variant: Variant) -> FrontEnd | None:
+    """What looks for the mark in the down camera's pictures; None without mark or camera."""
+    down, mark = equipment.cameras.get("down"), equipment.mark
+    if down is None or mark is None:
+        return None
+    return HMarkFrontEnd(down.model, down.mount, mark)
+
+
+def horizon_eyes(equipment: Equipment, variant: Variant) -> dict[str, HorizonEye]:
+    """What looks for the horizon in each forward camera's pictures."""
+    ahead = {name: camera for name, camera in equipment.cameras.items() if name.startswith("forward")}
+    return {name: HorizonFrontEnd(camera.model, camera.mount) for name, camera in ahead.items()}
