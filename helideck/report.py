@@ -8,6 +8,7 @@ from typing import IO, Any
 from rich.console import Console
 from rich.table import Table
 
+from helideck.reproduction.run import Reproduction, bar_text, number, verdict
 from scenarios.campaign import CampaignSummary
 from scenarios.flight import Flight
 
@@ -75,3 +76,22 @@ def print_campaign(name: str, summary: CampaignSummary, folder: Path) -> None:
         spread.add_row(column, *(f"{values[key]:.3f}" for key in ("median", "p95", "max")))
     console.print(spread)
     console.print(f"written to {folder / 'runs.parquet'}")
+
+
+def print_reproduction(reproduction: Reproduction, page: Path, stream: IO[str]) -> None:
+    """One table of all figures, then the sentence and where the page is."""
+    console = Console(file=stream, highlight=False)
+    for result in reproduction.results:
+        console.print(f"[bold]{result.experiment.TITLE}[/bold]")
+        if result.error is not None:
+            console.print(result.error.strip().splitlines()[-1], style="red", markup=False)
+        if result.outcome is None or not result.outcome.figures:
+            continue
+        table = Table(box=None, pad_edge=False)
+        for title in ("", "published", "faithful", "ours", "bar", "bound", ""):
+            table.add_column(title, justify="left" if not title else "right")
+        for f in result.outcome.figures:
+            figures = (number(f.published), number(f.faithful), number(f.ours), bar_text(f), number(f.bound))
+            table.add_row(f"{f.quantity} [{f.unit}]".replace("[", "\\["), *figures, verdict(f))
+        console.print(table)
+    console.print(f"{reproduction.sentence}; {page}")

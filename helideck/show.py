@@ -44,3 +44,21 @@ def campaign_progress(name: str) -> Iterator[Callable[[int, int], None]]:
     ) as bar:
         task = bar.add_task(name, total=None)
         yield lambda done, runs: bar.update(task, completed=done, total=runs)
+
+
+@contextmanager
+def share_progress(name: str) -> Iterator[Callable[[float, float, str], None]]:
+    """A bar with what was finished last; yields what to call with (done, of, text)."""
+    console = Console(stderr=True)
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %  {task.fields[last]}"),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    ) as bar:
+        task = bar.add_task(name, total=None, last="starting")
+        yield lambda done, total, last: bar.update(task, completed=done, total=total, last=last)

@@ -21,7 +21,7 @@ from flightlog.errors import UserError
 from helideck.cli.document import emit
 from helideck.cli.usage import one_line
 
-VERBS: tuple[str, ...] = ("land", "replay", "campaign", "list", "doctor")  # in the order of the help
+VERBS: tuple[str, ...] = ("land", "replay", "campaign", "reproduce", "list", "doctor")  # in the order of the help
 
 DESCRIPTION = (
     "A small helicopter that sees, fuses faulty sensors, hovers over an H and lands on it. "

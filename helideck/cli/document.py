@@ -8,10 +8,10 @@ def emit(document: object) -> None:
     """Print one RFC 8259 document on stdout: dataclasses, arrays and paths are understood, NaN becomes null."""
     from pydantic_core import to_json
 
-    sys.stdout.write(to_json(document, indent=2, inf_nan_mode="null", fallback=_plain).decode() + "\n")
+    sys.stdout.write(to_json(document, indent=2, inf_nan_mode="null", fallback=plain).decode() + "\n")
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Numpy's arrays and scalars as Python's."""
     if hasattr(value, "tolist"):
         return value.tolist()
