@@ -19,9 +19,11 @@ from typing import Annotated, Any, Protocol, Union
 
 from flightlog.errors import UserError
 from helideck.cli.document import emit
+from helideck.cli.see import SIGHTS
 from helideck.cli.usage import one_line
 
-VERBS: tuple[str, ...] = ("land", "replay", "campaign", "reproduce", "list", "doctor")  # in the order of the help
+# in the order of the help
+VERBS: tuple[str, ...] = ("land", "replay", "see", "campaign", "reproduce", "list", "doctor")
 
 DESCRIPTION = (
     "A small helicopter that sees, fuses faulty sensors, hovers over an H and lands on it. "
@@ -76,7 +78,9 @@ def _parse(words: list[str]) -> Verb:
         print(version("helideck"))
         raise SystemExit(0)
     options: dict[str, Any] = {"config": (tyro.conf.FlagCreatePairsOff,)}
-    if words[0] in VERBS:
+    if words[0] == "see" and words[1:2] and words[1] in SIGHTS:
+        target, arguments, options["prog"] = _load(f"see_{words[1]}"), words[2:], f"helideck see {words[1]}"
+    elif words[0] in VERBS:
         target, arguments, options["prog"] = _load(words[0]), words[1:], f"helideck {words[0]}"
     elif words[0].startswith("-"):
         target, arguments, options["prog"] = _overview(), words, "helideck"
@@ -98,7 +102,7 @@ def _parse(words: list[str]) -> Verb:
 
 def _load(verb: str) -> Any:
     """The dataclass of a verb."""
-    return getattr(import_module(f"helideck.cli.{verb}"), verb.capitalize())
+    return getattr(import_module(f"helideck.cli.{verb}"), verb.title().replace("_", ""))
 
 
 def _overview() -> Any:
