@@ -12,6 +12,10 @@ standard deviations, n K with n = 2 sqrt(S)/|r| up to five, nothing beyond; Jose
 optimal gain. A filter that has gone astray must not reject the truth for ever: after `patience` rejections in a row
 either the bias that the component may have jumped by is set free, or, where it has none and no reference agrees with
 the filter, it begins anew with its first covariance.
+
+A state may be a copy: of row x as it was at some time, correlated with what it was copied from (a stochastic clone).
+What is measured against it later, such as the way since a picture was taken, is then an ordinary measurement. Copying
+is kept among the measurements, so that it too is done again in order of time.
 """
 
 from collections.abc import Sequence
@@ -33,6 +37,7 @@ class Component:
     patience: int  # rejections in a row after which something must be wrong
     jump: int = -1  # state that absorbs a jump of this sensor's bias; -1: it has none
     reference: bool = False  # free of bias: where it agrees with the filter, the filter is right
+    copies: int = -1  # state that becomes row x when this comes, nothing being measured; -1: a measurement
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,36 +65,48 @@ class Innovations:
 class DelayedKalman:
     """The filter with its memory."""
 
-    def __init__(self, model: LinearModel, t: float, x: ArrayLike, p: ArrayLike, *, epochs: int = 160) -> None:
-        """Starts at `t` [s] with state `x` (n,) and covariance `p` (n, n); remembers so many epochs."""
+    def __init__(
+        self, model: LinearModel, t: float, x: ArrayLike, p: ArrayLike, *, epochs: int = 160, room: int = 0
+    ) -> None:
+        """Starts at `t` [s] with state `x` (n,) and covariance `p` (n, n); remembers so many epochs.
+
+        `room`: states that the memory has space for; filters of equal memories share what is compiled for them.
+        """
         a = np.asarray(model.dynamics, float)
+        n = len(a)
         topics = 1 + max(component.topic for component in model.components)
         inputs = np.shape(model.inputs)[1]
-        self.memory = np.zeros(1, replay.memory_type(len(a), inputs, len(model.components), topics, epochs))
+        self.memory = np.zeros(1, replay.memory_type(max(n, room), inputs, len(model.components), topics, epochs))
         head = self.memory[0]
         self._ring = head["ring"]
         self._fill(model, a)
         root = self._ring[0]
-        root["t"], root["x"], root["p"], root["noise"] = t, x, p, 1.0
+        root["t"], root["noise"] = t, 1.0
+        root["x"][:n], root["p"][:n, :n] = x, p
         root["accepted"] = -np.inf
-        head["model"]["start"] = np.diag(np.asarray(p, float))
+        head["model"]["start"][:n] = np.diag(np.asarray(p, float))
         # told at run time, so that the compiler does not unroll every loop
-        head["model"]["states"], head["model"]["inputs"] = len(a), inputs
+        head["model"]["states"], head["model"]["inputs"] = n, inputs
         head["epochs"], head["dirty"] = 1, np.inf
 
     def _fill(self, model: LinearModel, a: Floats) -> None:
         """Taylor coefficients of the transition, the input's effect and the noise over one step."""
-        record = self.memory[0]["model"]
-        record["a1"], record["a2"], record["a3"] = a, a @ a / 2, a @ a @ a / 6
+        record, n = self.memory[0]["model"], len(a)
+
+        def put(prefix: str, first: Floats, second: Floats, third: Floats) -> None:
+            for number, matrix in enumerate((first, second / 2, third / 6), 1):
+                record[f"{prefix}{number}"][:n, : matrix.shape[1]] = matrix
+
+        put("a", a, a @ a, a @ a @ a)
         b = np.asarray(model.inputs, float)
-        record["g1"], record["g2"], record["g3"] = b, a @ b / 2, a @ a @ b / 6
+        put("g", b, a @ b, a @ a @ b)
         # integral over s of exp(A s) Q exp(A' s)
         for prefix, density in (("q", model.noise), ("w", model.input_noise)):
             q1 = np.asarray(density, float)
             q2 = a @ q1 + q1 @ a.T
             q3 = a @ q2 + q2 @ a.T
-            record[f"{prefix}1"], record[f"{prefix}2"], record[f"{prefix}3"] = q1, q2 / 2, q3 / 6
-        for name in ("topic", "patience", "jump", "reference"):
+            put(prefix, q1, q2, q3)
+        for name in ("topic", "patience", "jump", "reference", "copies"):
             record[name] = [int(getattr(component, name)) for component in model.components]
 
     def advance(self, t: float, u: Floats, noise: float = 1.0) -> bool:
@@ -116,7 +133,7 @@ class DelayedKalman:
 
     @property
     def last(self) -> np.void:
-        """The latest epoch: t, x, p, rejections, resets and accepted (by topic [s])."""
+        """The latest epoch: t, x, p, rejections, resets and accepted (by topic [s]); x and p with their spare room."""
         return self._ring[(int(self.memory["epochs"][0]) - 1) % len(self._ring)]
 
     @property
@@ -127,4 +144,5 @@ class DelayedKalman:
     def innovations(self) -> Innovations:
         """Of the measurements in memory, in order of time."""
         rows = self.memory["store"][0, : int(self.memory["stored"][0])]
+        rows = rows[self.memory["model"]["copies"][0][rows["component"]] < 0]
         return Innovations(*(rows[name].copy() for name in ("t", "component", "residual", "spread", "weight")))

@@ -1,4 +1,4 @@
-"""Horizontal position and velocity from inertial, vision and GPS; and what they say of the tilt.
+"""Horizontal position and velocity from inertial, vision, GPS and optical flow; and what they say of the tilt.
 
     x = [e, n, ve, vn, d_e, d_n, a_e, a_n, g_e, g_n]
 
@@ -11,6 +11,13 @@ and says so: its turning is an input of this filter, d' = c.
 
 Without the bias of the GPS as a state the machine would run off by half a metre when the mark leaves the picture;
 vision observes it, and what is left when the mark is lost is what the GPS has wandered since.
+
+Optical flow measures the way since a picture was taken, the key frame. Where the vehicle was then is two states more,
+
+    k = p + h d   at the time of the key frame,
+
+copied with their correlations, and a flow is p + h d - k: it never tells where the vehicle is, but as long as the
+pictures are compared with the same key frame the error does not grow either.
 """
 
 import math
@@ -27,9 +34,12 @@ from flightlog.equipment import Equipment
 
 Floats = NDArray[np.float64]
 
-E, N, VE, VN, D_E, D_N, A_E, A_N, G_E, G_N = range(10)  # states
+E, N, VE, VN, D_E, D_N, A_E, A_N, G_E, G_N, K_E, K_N = range(12)  # states; the last two only where there is flow
 GPS_E, GPS_N, GPS_VE, GPS_VN, VISION_1, VISION_2 = range(6)  # components
-TOPIC_GPS, TOPIC_GPS_VELOCITY, TOPIC_VISION = range(3)
+# what a picture says of the way to it comes before what begins with it
+FLOW_E, FLOW_N, KEY_E, KEY_N = range(6, 10)
+TOPIC_GPS, TOPIC_GPS_VELOCITY, TOPIC_VISION, TOPIC_FLOW = range(4)
+GRAIN = 1e-4  # [m] of a copied place
 BLIND = 5.0  # [m] a direction that the picture leaves this open is not measured
 
 
@@ -72,10 +82,14 @@ class PositionNoise:
         return cls(**given)
 
 
-def model(noise: PositionNoise) -> LinearModel:
-    """The derivatives are p' = v, v' = f - g d - a, d' = c; a Gauss-Markov; the GPS bias walks as far as its wander."""
-    dynamics, inputs = np.zeros((10, 10)), np.zeros((10, INPUTS))
-    density, driven = np.zeros((10, 10)), np.zeros((10, 10))
+def model(noise: PositionNoise, *, flow: bool = False) -> LinearModel:
+    """The derivatives are p' = v, v' = f - g d - a, d' = c; a Gauss-Markov; the GPS bias walks as far as its wander.
+
+    `flow`: with the key frame's place, which does not move.
+    """
+    n = K_N + 1 if flow else K_E
+    dynamics, inputs = np.zeros((n, n)), np.zeros((n, INPUTS))
+    density, driven = np.zeros((n, n)), np.zeros((n, n))
     for axis in range(2):
         dynamics[E + axis, VE + axis] = 1.0
         dynamics[VE + axis, D_E + axis] = -GRAVITY
@@ -94,6 +108,10 @@ def model(noise: PositionNoise) -> LinearModel:
         Component(TOPIC_GPS_VELOCITY, patience=10),
         Component(TOPIC_VISION, patience=25, reference=True),
         Component(TOPIC_VISION, patience=25, reference=True),
+        Component(TOPIC_FLOW, patience=25, jump=K_E),
+        Component(TOPIC_FLOW, patience=25, jump=K_N),
+        Component(TOPIC_FLOW, patience=25, copies=K_E),
+        Component(TOPIC_FLOW, patience=25, copies=K_N),
     ]
     return LinearModel(dynamics, inputs, density, driven, components)
 
@@ -101,16 +119,19 @@ def model(noise: PositionNoise) -> LinearModel:
 class PositionFilter:
     """The filter; positions [m] of the body origin, east and north of the pad's centre."""
 
-    def __init__(self, noise: PositionNoise, t: float, epochs: int = 160) -> None:
-        """Starts at `t` [s], knowing nothing of the position; remembers so many epochs."""
+    def __init__(self, noise: PositionNoise, t: float, epochs: int = 160, *, flow: bool = False) -> None:
+        """Starts at `t` [s], knowing nothing of the position; remembers so many epochs; `flow`: there will be some."""
         self.noise = noise
-        start = np.repeat([100.0, 3.0, noise.tilt_start, noise.accelerometer, noise.gps_bias], 2)
-        self.kalman = DelayedKalman(model(noise), t, np.zeros(10), np.diag(start**2), epochs=epochs)
-        self._rows = tuple(np.zeros(10) for _ in range(4))
+        self.has_flow = flow
+        start = np.repeat([100.0, 3.0, noise.tilt_start, noise.accelerometer, noise.gps_bias, 100.0], 2)
+        laws, room = model(noise, flow=flow), len(start)
+        n = len(laws.dynamics)
+        self.kalman = DelayedKalman(laws, t, np.zeros(n), np.diag(start[:n] ** 2), epochs=epochs, room=room)
+        self._rows = tuple(np.zeros(room) for _ in range(4))
         for axis in range(2):
             self._rows[GPS_E + axis][[E + axis, G_E + axis]] = 1.0
             self._rows[GPS_VE + axis][VE + axis] = 1.0
-        self._row = np.zeros(10)
+        self._row, self._way = np.zeros(room), np.zeros(room)
 
     def gps(self, t: float, e: float, n: float, ve: float, vn: float, dilution: float) -> bool:
         """Position [m] and velocity [m/s] of the body origin; `dilution` multiplies their standard deviations."""
@@ -144,3 +165,38 @@ class PositionFilter:
         row = self._row
         row[E], row[N], row[D_E], row[D_N] = c, s, c * height, s * height
         return self.kalman.insert(t, component, row, z, variance) == TAKEN
+
+    def begin(self, t: float, since: float, position: float, velocity: float) -> bool:
+        """At rest over the origin from `since` to `t` [s], to so many metres and metres a second (1 sigma)."""
+        taken = True
+        for axis in range(2):
+            row = self._way
+            row[:] = 0.0
+            row[E + axis] = 1.0
+            taken &= self.kalman.insert(since, FLOW_E + axis, row, 0.0, position**2) == TAKEN
+            row[E + axis], row[VE + axis] = 0.0, 1.0
+            taken &= self.kalman.insert(t, FLOW_E + axis, row, 0.0, velocity**2) == TAKEN
+        return taken
+
+    def key_frame(self, t: float, height: float) -> bool:
+        """From now on flow counts from where the vehicle is at `t` [s], `height` [m] above what it sees."""
+        return all(
+            self.kalman.insert(t, KEY_E + axis, self._apparent(axis, height), 0.0, GRAIN**2) == TAKEN
+            for axis in range(2)
+        )
+
+    def flow(self, t: float, e: float, n: float, variance: float, height: float) -> bool:
+        """The way [m] since the key frame and its variance [m^2], seen from `height` [m]."""
+        taken = True
+        for axis, way in enumerate((e, n)):
+            row = self._apparent(axis, height)
+            row[K_E + axis] = -1.0
+            taken &= self.kalman.insert(t, FLOW_E + axis, row, way, variance) == TAKEN
+        return taken
+
+    def _apparent(self, axis: int, height: float) -> Floats:
+        """Row of p + h d, where a sighting straight below puts the vehicle."""
+        row = self._way
+        row[:] = 0.0
+        row[E + axis], row[D_E + axis] = 1.0, height
+        return row

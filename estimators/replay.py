@@ -29,7 +29,7 @@ def memory_type(n: int, inputs: int, components: int, topics: int, epochs: int) 
     model = [(name, "f8", square) for name in ("a1", "a2", "a3", "q1", "q2", "q3", "w1", "w2", "w3")]
     model += [(name, "f8", rows) for name in ("g1", "g2", "g3")]
     model += [("start", "f8", (n,)), ("states", "i8", ()), ("inputs", "i8", ())]
-    model += [(name, "i8", (components,)) for name in ("topic", "patience", "jump", "reference")]
+    model += [(name, "i8", (components,)) for name in ("topic", "patience", "jump", "reference", "copies")]
     work = [("x", "f8", (n,)), ("p", "f8", square), ("f", "f8", square), ("fp", "f8", square), ("gain", "f8", (n,))]
     epoch = [("t", "f8"), ("u", "f8", (inputs,)), ("noise", "f8"), ("x", "f8", (n,)), ("p", "f8", square)]
     epoch += [("rejections", "i8", (components,)), ("resets", "i8", (components,)), ("accepted", "f8", (topics,))]
@@ -111,9 +111,28 @@ def _vouched(model, epoch, component, t):
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _copy(model, work, m):
+    """A state becomes what the row of `m` says of all, as it is now."""
+    x, p, gain, k = work.x, work.p, work.gain, model.copies[m.component]
+    n = model.states
+    variance = _project(n, p, m.row, gain) + m.variance
+    value = 0.0
+    for i in range(n):
+        value += m.row[i] * x[i]
+    for i in range(n):
+        p[i, k] = gain[i]
+        p[k, i] = gain[i]
+    x[k], p[k, k] = value, variance
+    m.residual, m.spread, m.weight = 0.0, variance, 1.0
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _update(model, work, epoch, m):
     """Correct the state in `work` by the measurement `m`; counters in `epoch`."""
     x, p, row, gain, c = work.x, work.p, m.row, work.gain, m.component
+    if model.copies[c] >= 0:
+        _copy(model, work, m)
+        return
     n = model.states
     explained = _project(n, p, row, gain)
     residual = m.z
@@ -287,7 +306,8 @@ def state_at(memory, t):
         number -= 1
     epoch = ring[number % size]
     x, p = epoch.x.copy(), epoch.p.copy()
+    n = head.model.states
     if t > epoch.t:
         source = ring[min(number + 1, head.epochs - 1) % size]
         _propagate(head.model, head.work, x, p, source.u, source.noise, min(t - epoch.t, 1.0))
-    return x, p
+    return x[:n], p[:n, :n]

@@ -90,7 +90,7 @@ def test_an_oblique_covariance_updates_as_the_joint_one_does(filter_: PositionFi
     x, p = filter_.kalman.last["x"].copy(), filter_.kalman.last["p"].copy()
     r = np.array([[0.04, 0.03], [0.03, 0.06]])
     z, height = np.array([1.0, -2.0]), 8.0
-    h = np.zeros((2, 10))
+    h = np.zeros((2, len(x)))
     h[0, [position.E, position.D_E]] = 1.0, height
     h[1, [position.N, position.D_N]] = 1.0, height
     gain = p @ h.T @ np.linalg.inv(h @ p @ h.T + r)
