@@ -19,9 +19,9 @@ from controllers.gains import Gains, design
 from controllers.margins import REQUIRED_GAIN_DB, REQUIRED_PHASE_DEG, Margins, margins
 from controllers.plant import LinearPlant
 from flightlog.atmosphere import SURFACE_PRESSURE, SURFACE_TEMPERATURE
+from flightlog.units import to_si
 from scenarios.crew import plant_of
 from sim import vehicle as vehicles
-from sim.units import to_si
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "controllers.md"
 SEED = 20

@@ -12,8 +12,8 @@ from pydantic import AllowInfNan, BaseModel, ConfigDict
 
 from flightlog import toml_file
 from flightlog.errors import UserError
+from flightlog.units import to_si
 from sim.parameters import Parameter
-from sim.units import to_si
 
 Floats = NDArray[np.float64]
 
