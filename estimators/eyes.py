@@ -71,7 +71,7 @@ def expect_pad(
     _, _, heading = angles(attitude)
     return PadPrediction(
         position=there,
-        angle=math.pi / 2 - (math.pi / 2 + heading) % math.pi,
+        angle=math.pi - (math.pi + heading) % (2.0 * math.pi),
         std_position=np.sqrt(to_camera**2 @ variance),
         std_angle=std_heading,
     )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightlog.camera import CameraModel, CameraMount
-from flightlog.marks import HMark
+from flightlog.marks import Mark
 
 Floats = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class Equipment:
 
     sensors: Mapping[str, SensorSpec]  # by topic: imu, mag, baro, gps, sonar, rotor
     cameras: Mapping[str, CameraSpec]  # down, forward_a, forward_b
-    mark: HMark | None  # on the pad; None: there is none
+    mark: Mark | None  # on the pad; None: there is none
     skid_height: float  # [m] body origin above the skids' plane
     nominal_rotor_speed: float  # [rad/s]
     surface_pressure: float  # [Pa] as read on the pad

@@ -148,6 +148,32 @@ class RingMark:
         x = _GUIDE_WIDTH / 2
         return tuple(np.array([(-x, low), (x, low), (x, high), (-x, high)]) * self.size for low, high in _GUIDE)
 
+    def circles(self) -> Floats:
+        """Every round edge (N, 5): centre x, y [m], radius [m], +1 where it is lighter inside, else -1, and clearance.
+
+        Clearance [m]: to the nearest other round edge. Rings come first, from the outermost edge inwards.
+        """
+        borders = [(radius, light) for inner, outer in self.rings for radius, light in ((outer, 1.0), (inner, -1.0))]
+        borders += [(self.grid_radius, 1.0), (self.well_radius, -1.0)]
+        rows = [(0.0, 0.0, radius, light) for radius, light in borders]
+        rows += [(float(x), float(y), self.hole_radius, -1.0) for x, y in self.holes()]
+        found = np.array(rows)
+        centres, radius = found[:, :2], found[:, 2]
+        apart = np.hypot(*(centres[:, None] - centres[None]).transpose(2, 0, 1))
+        beside = apart - radius[:, None] - radius[None]
+        gap = np.where(beside >= 0.0, beside, np.abs(radius[:, None] - radius[None]) - apart)
+        np.fill_diagonal(gap, 2.0 * radius)
+        return np.column_stack([found, gap.min(axis=1)])
+
+    def bars(self) -> tuple[Floats, ...]:
+        """Corners (M, 2) [m] of every white outline with straight edges: both Ts and the guide line's bars."""
+        return (*self.t_outlines(), *self.guide_outlines())
+
+    @property
+    def bar_width(self) -> float:
+        """Breadth [m] of the Ts' strokes and the guide line."""
+        return _T_STROKE * self.size
+
     def outline(self) -> Floats:
         """Corners (4, 2) [m] of the black square, counter-clockwise from the lower left."""
         return np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) * self.square / 2
@@ -155,9 +181,8 @@ class RingMark:
     def shapes(self) -> tuple[Shape, ...]:
         """What is painted on the black square, in this order: later paint covers earlier."""
         outer, middle, inner = self.rings
-        bars = (*self.t_outlines(), *self.guide_outlines())
         return (
-            *(Polygon(tuple((float(x), float(y)) for x, y in corners), "white") for corners in bars),
+            *(Polygon(tuple((float(x), float(y)) for x, y in corners), "white") for corners in self.bars()),
             Disc(0.0, 0.0, outer[1], "white"),
             Disc(0.0, 0.0, outer[0], "black"),
             Disc(0.0, 0.0, middle[1], "white"),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from flightlog.equipment import CameraSpec
-from flightlog.marks import HMark
+from flightlog.marks import Disc, Mark
 from flightlog.replay_layout import NIGHT
 
 Floats = NDArray[np.float64]
@@ -21,9 +21,11 @@ GRASS = np.array([58, 84, 52])
 CREASE = 35.0  # [deg] edges sharper than this stay sharp
 _EXTENT = 30.0  # [m] half the side of the ground
 _TEXELS = 1024
+_COAT = 5e-4  # [m] from one coat of paint to the next
+_TONES = {"white": (245, 245, 245), "grey": (170, 172, 170), "black": (62, 66, 72)}
 
 
-def log_scene(rec: rr.RecordingStream, meshes: Mapping[str, Mesh], mark: HMark | None) -> None:
+def log_scene(rec: rr.RecordingStream, meshes: Mapping[str, Mesh], mark: Mark | None) -> None:
     """Log ground, mark and vehicle as static."""
     rec.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     _ground(rec)
@@ -139,12 +141,49 @@ def _ground(rec: rr.RecordingStream) -> None:
     )
 
 
-def _pad(rec: rr.RecordingStream, mark: HMark) -> None:
-    half = 0.75 * max(mark.leg, mark.width)
-    x, y, b = mark.width / 2, mark.leg / 2, mark.stroke
+def _pad(rec: rr.RecordingStream, mark: Mark) -> None:
+    half = mark.square / 2
     _tiles(rec, "world/pad/ground", [(-half, -half, half, half)], -0.01, (62, 66, 72))
-    parts = [(-x, -y, -x + b, y), (x - b, -y, x, y), (-x + b, -b / 2, x - b, b / 2)]
-    _tiles(rec, "world/pad/mark", parts, 0.0, (245, 245, 245))
+    vertices, faces, colours = [], [], []
+    count, layer, before = 0, 0, None
+    for shape in mark.shapes():
+        # later paint lies on earlier paint
+        layer += before not in (None, shape.tone)
+        before = shape.tone
+        height = layer * _COAT
+        if isinstance(shape, Disc):
+            corners, triangles = disc(np.array([shape.x, shape.y, height]), shape.radius)
+        else:
+            boxes = slabs(np.array(shape.corners))
+            corners = np.array([(x, y, height) for box in boxes for x, y in _corners(*box)])
+            first = 4 * np.arange(len(boxes))[:, None]
+            triangles = np.concatenate([first + (0, 1, 2), first + (0, 2, 3)])
+        vertices.append(corners)
+        faces.append(triangles + count)
+        colours.append(np.tile(_TONES[shape.tone], (len(corners), 1)))
+        count += len(corners)
+    rec.log(
+        "world/pad/mark",
+        rr.Mesh3D(
+            vertex_positions=np.vstack(vertices),
+            triangle_indices=np.vstack(faces),
+            vertex_colors=np.vstack(colours).astype(np.uint8),
+        ),
+        static=True,
+    )
+
+
+def slabs(outline: Floats) -> list[tuple[float, float, float, float]]:
+    """Rectangles (west, south, east, north) that make up a polygon (N, 2) whose edges run along the axes."""
+    ends = np.roll(outline, -1, axis=0)
+    upright = outline[:, 0] == ends[:, 0]
+    x = outline[upright, 0]
+    low, high = np.sort(np.column_stack([outline[upright, 1], ends[upright, 1]]), axis=1).T
+    boxes = []
+    for south, north in pairwise(np.unique(outline[:, 1]).tolist()):
+        walls = np.sort(x[(low <= south) & (high >= north)]).tolist()
+        boxes += [(west, south, east, north) for west, east in zip(walls[::2], walls[1::2], strict=True)]
+    return boxes
 
 
 def _tiles(

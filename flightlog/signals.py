@@ -87,7 +87,8 @@ class RotorSample(NamedTuple):
 class PadSample(NamedTuple):
     """The mark's centre [m] in camera axes as the front end saw it.
 
-    angle [rad]: the mark's axis clockwise from image up, in (-pi/2, pi/2] for an H; NaN where the mark has none.
+    angle [rad]: the mark's axis clockwise from image up, in (-pi/2, pi/2] for an H, in (-pi, pi] for a ring; NaN where
+    the mark has none.
     quality [0..1]; source: the front end that saw it.
     """
 

@@ -225,8 +225,8 @@ class Scenario(Strict):
 
     vehicle: str
     description: str = ""
-    pad: Literal["h", "none"] = "h"
-    scene: Literal["field", "sea"] = "field"
+    pad: Literal["h", "ring", "none"] = "h"
+    scene: Literal["field", "sea", "deck"] = "field"
     horizon_dip: bool = False
     navigator: Annotated[str, AfterValidator(_known_navigator)] = "helideck"
     variant: Variant = "helideck"
@@ -242,7 +242,7 @@ class Scenario(Strict):
     @model_validator(mode="after")
     def _has_something_to_land_on(self) -> "Scenario":
         if self.pad == "none" and self.plan.goal == "land":
-            raise ValueError('pad = "none" leaves nothing to land on; pad = "h" or plan.goal = "hover" would do')
+            raise ValueError('pad = "none" leaves nothing to land on; a pad or plan.goal = "hover" would do')
         return self
 
     @model_validator(mode="after")

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from flightlog.equipment import Equipment
-from flightlog.marks import HMark
+from flightlog.marks import HMark, Mark, RingMark
 from scenarios import cameras as camera_tables
 from scenarios.checks import check
 from scenarios.events import sensor_numbers
@@ -16,7 +16,7 @@ from sim.randomness import generator
 from sim.vehicle import Vehicle
 from sim.world import Start, World
 
-PADS: dict[str, HMark | None] = {"h": HMark(), "none": None}
+PADS: dict[str, Mark | None] = {"h": HMark(), "ring": RingMark(), "none": None}
 
 
 def make_world(scenario: Scenario, seeds: np.random.SeedSequence, vehicle: Vehicle, *, cameras: bool) -> World:

@@ -6,7 +6,7 @@ import mujoco
 
 from flightlog.equipment import CameraSpec
 from flightlog.errors import UserError
-from flightlog.marks import HMark
+from flightlog.marks import Mark
 from sim.light import Light
 from sim.scene import MAIN_ROTOR, TAIL_ROTOR, VEHICLE, CompiledScene, compose
 from sim.schedule import TICK
@@ -14,7 +14,7 @@ from sim.vehicle import Vehicle
 
 
 def assemble(
-    vehicle: Vehicle, scene: str, mark: HMark | None, cameras: Mapping[str, CameraSpec], light: Light, dip: bool
+    vehicle: Vehicle, scene: str, mark: Mark | None, cameras: Mapping[str, CameraSpec], light: Light, dip: bool
 ) -> tuple[CompiledScene, mujoco.MjModel]:
     """The composed scene and its compiled model; UserError where the vehicle's MJCF or cameras are not fit for it."""
     try:

@@ -16,7 +16,7 @@ import numpy as np
 import assets
 from flightlog.camera import CameraModel
 from flightlog.equipment import CameraSpec
-from flightlog.marks import HMark
+from flightlog.marks import HMark, Mark
 from sim import sky, textures
 from sim.cameras.optics import pinhole_behind
 from sim.light import Light
@@ -44,7 +44,7 @@ class CompiledScene:
 
     xml: str
     assets: Mapping[str, bytes]  # mesh files by the names in `xml`
-    mark: HMark | None
+    mark: Mark | None
     light: Light
     dip: bool  # whether the horizon sinks with height
     cameras: Mapping[str, CameraSpec] = field(default_factory=dict)
@@ -65,6 +65,7 @@ class CompiledScene:
             "mark": lambda n: textures.paint_mark(self.mark or HMark(), n),
             "grass": textures.paint_grass,
             "waves": textures.paint_waves,
+            "deck": textures.paint_deck,
             "meadow": lambda n: textures.paint_meadow(n, far),
             "swell": lambda n: textures.paint_swell(n, far),
             "field_sky": lambda n: sky.paint_field_sky(n, lit, self.dip),
@@ -92,7 +93,7 @@ def scenes() -> list[str]:
 def compose(
     vehicle_xml: Path,
     scene: str,
-    mark: HMark | None,
+    mark: Mark | None,
     cameras: Mapping[str, CameraSpec],
     light: Light,
     *,
@@ -110,8 +111,8 @@ def compose(
     # geoms are drawn in this order: what lies nearer comes first, so that what it hides is not shaded at all
     root = mjcf.RootElement(model=scene)
     if mark is not None:
-        pad = _read(mjcf, assets.path("pads", "h.xml"))
-        half = textures.pad_side(mark) / 2
+        pad = _read(mjcf, assets.path("pads", "h.xml" if isinstance(mark, HMark) else "ring.xml"))
+        half = mark.square / 2
         pad.find("geom", "pad").size = [half, half, 1.0]
         root.include_copy(pad)
     root.include_copy(_read(mjcf, file))
@@ -127,8 +128,9 @@ def compose(
     root.visual.__getattr__("global").offwidth = max([640, *(s.width for s in sizes)])
     root.visual.__getattr__("global").offheight = max([480, *(s.height for s in sizes)])
     if dip:
+        below = root.find("geom", "far_ground").pos[2] - 0.02
         root.worldbody.add(
-            "geom", name=FAR_DISC, type="cylinder", size=[5000.0, 0.01], pos=[0, 0, -0.05], material="far",
+            "geom", name=FAR_DISC, type="cylinder", size=[5000.0, 0.01], pos=[0, 0, below], material="far",
             contype=0, conaffinity=0, group=WORLD_GROUP,
         )  # fmt: skip
     compiled = CompiledScene(root.to_xml_string(), root.get_assets(), mark, light, dip, dict(cameras))

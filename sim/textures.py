@@ -9,20 +9,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flightlog.marks import HMark
+from flightlog.marks import Disc, Mark, Tone
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
 MARK_TEXELS = 1536  # over the whole pad: about 1 mm a texel
-PAD_MARGIN = 1.5  # the dark square's side over the mark's larger side
 PAINT = 0.93  # reflectance of the mark
+GREY = 0.58  # of its light grey parts
 ASPHALT = 0.17  # of the square around it
-
-
-def pad_side(mark: HMark) -> float:
-    """Side [m] of the dark square around the mark."""
-    return PAD_MARGIN * max(mark.leg, mark.width)
+TONES: dict[Tone, float] = {"white": PAINT, "grey": GREY, "black": ASPHALT}
 
 
 def coverage(outline: Floats, side: float, texels: int) -> Floats:
@@ -45,6 +41,29 @@ def coverage(outline: Floats, side: float, texels: int) -> Floats:
     return area[::-1] / texel**2
 
 
+def disc_coverage(x: float, y: float, radius: float, side: float, texels: int) -> Floats:
+    """Share (texels, texels) of each texel's area inside a disc, its centre and radius [m]; picture as in `coverage`.
+
+    The edge is taken as straight within a texel: wrong by texel / (8 radius) of one at most.
+    """
+    centres = ((np.arange(texels) + 0.5) / texels - 0.5) * side
+    east, north = centres[None, :] - x, centres[::-1, None] - y
+    away = np.hypot(east, north)
+    share = (away < radius).astype(float)
+    rim = np.abs(away - radius) < side / texels
+    rows, columns = np.nonzero(rim)
+    inward = (radius - away[rim]) * texels / side  # [texels] of the edge beyond the texel's centre
+    # a half plane covers a unit square by its integrated trapezoid: the square's shadow along the edge's normal
+    along = np.abs(np.stack([east[0, columns], north[rows, 0]])) / np.maximum(away[rim], 1e-12)
+    long, short = along.max(axis=0), np.maximum(along.min(axis=0), 1e-9)
+    ramp = [np.maximum(inward + sign * 0.5 * long + other * 0.5 * short, 0.0) ** 2 for sign, other in _CORNERS]
+    share[rim] = np.clip((ramp[0] - ramp[1] - ramp[2] + ramp[3]) / (2.0 * long * short), 0.0, 1.0)
+    return share
+
+
+_CORNERS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+
+
 def noise(shape: tuple[int, int], slope: float, seed: int, shortest: float = 2.0) -> Floats:
     """Periodic noise of unit variance; its amplitude falls as frequency**-slope, down to `shortest` texels."""
     fy, fx = np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1])[None, :]
@@ -61,13 +80,18 @@ def _picture(values: Floats) -> Picture:
 
 
 @cache
-def paint_mark(mark: HMark, texels: int = MARK_TEXELS) -> Picture:
-    """A white mark on a dark square; edges lie where `mark.outline()` has them, texels on them mixed by area."""
-    share = coverage(mark.outline(), pad_side(mark), texels).astype(np.float32)
+def paint_mark(mark: Mark, texels: int = MARK_TEXELS) -> Picture:
+    """A mark on its dark square; edges lie where `mark.shapes()` has them, texels on them mixed by area."""
     grain = noise((512, 512), 0.5, seed=1, shortest=6.0).astype(np.float32)
     repeats = -(-texels // 512)
     ground = np.tile(ASPHALT + 0.012 * grain, (repeats, repeats))[:texels, :texels]
-    return np.asarray(cv2.cvtColor(_picture(ground + share * (PAINT - ground)), cv2.COLOR_GRAY2RGB), np.uint8)
+    for shape in mark.shapes():
+        if isinstance(shape, Disc):
+            share = disc_coverage(shape.x, shape.y, shape.radius, mark.square, texels)
+        else:
+            share = coverage(np.array(shape.corners), mark.square, texels)
+        ground = ground + share.astype(np.float32) * (TONES[shape.tone] - ground)
+    return np.asarray(cv2.cvtColor(_picture(ground), cv2.COLOR_GRAY2RGB), np.uint8)
 
 
 @cache
@@ -90,6 +114,21 @@ def paint_waves(texels: int) -> Picture:
     colour = np.array([0.10, 0.25, 0.33]) + 0.045 * np.clip(height, -2, 3)[..., None] * np.array([0.7, 1.0, 1.05])
     foam = np.clip((height - 2.35) * 1.6, 0.0, 0.75)[..., None]
     return _picture(colour * (1.0 - foam) + 0.85 * foam)
+
+
+@cache
+def paint_deck(texels: int) -> Picture:
+    """A flight deck of 14 m by 20 m: worn non-skid paint on plates, points to tie down to, a line along its edge."""
+    x, y = np.meshgrid((np.arange(texels) + 0.5) / texels * 14.0, (np.arange(texels) + 0.5) / texels * 20.0)
+    worn = 1.0 + 0.07 * noise((texels, texels), 0.9, seed=13) + 0.05 * noise((texels, texels), 0.1, seed=14)
+    colour = np.array([0.30, 0.33, 0.32]) * worn[..., None]
+    seam = np.minimum(np.minimum(x % 2.0, 2.0 - x % 2.0), np.minimum(y % 2.5, 2.5 - y % 2.5))
+    colour *= (1.0 - 0.3 * np.clip(1.5 - seam / 0.02, 0.0, 1.0))[..., None]
+    tied = np.hypot((x - 1.0) % 2.0 - 1.0, (y - 1.25) % 2.5 - 1.25)
+    colour *= (1.0 - 0.5 * np.clip((0.09 - tied) / 0.02, 0.0, 1.0))[..., None]
+    edge = np.minimum(np.minimum(x, 14.0 - x), np.minimum(y, 20.0 - y))
+    line = np.clip((0.06 - np.abs(edge - 0.35)) / 0.02 + 0.5, 0.0, 1.0)[..., None]
+    return _picture(colour + line * (0.8 - colour))
 
 
 FAR_SIDE = 3600.0  # [m] of the far ground's picture

@@ -21,7 +21,7 @@ from flightlog import toml_file
 from flightlog.camera import CameraModel, CameraMount
 from flightlog.equipment import CameraSpec, Equipment, SensorSpec
 from flightlog.errors import UserError
-from flightlog.marks import HMark
+from flightlog.marks import Mark
 from sim import sensors, terms
 from sim.parameters import Parameter
 from sim.sensors.contract import Site
@@ -127,7 +127,7 @@ class Vehicle:
             skid_height=float(self.geometry["skid_height"]),
         )
 
-    def equipment(self, mark: HMark | None, site: Site) -> Equipment:
+    def equipment(self, mark: Mark | None, site: Site) -> Equipment:
         """The sensors as the navigator is told of them: nominal numbers, never drawn errors."""
         return Equipment(
             sensors={

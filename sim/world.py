@@ -18,7 +18,7 @@ from flightlog.atmosphere import pressure_at, temperature_at
 from flightlog.constants import GRAVITY
 from flightlog.equipment import CameraSpec
 from flightlog.errors import UserError
-from flightlog.marks import HMark
+from flightlog.marks import Mark
 from flightlog.rotations import matrix, quaternion
 from flightlog.signals import Controls, Measurement
 from sim import sensors
@@ -75,7 +75,7 @@ class World:
         light: Light | None = None,
         scene: str = "field",
         dip: bool = False,
-        mark: HMark | None = None,
+        mark: Mark | None = None,
         start: Start | None = None,
         seeds: np.random.SeedSequence,
         cameras: Mapping[str, CameraSpec] | None = None,
@@ -316,7 +316,7 @@ class World:
         self,
         seeds: np.random.SeedSequence,
         changed: Mapping[str, Mapping[str, float]],
-        mark: HMark | None,
+        mark: Mark | None,
         rendered: bool,
     ) -> None:
         self._sensors: dict[str, Sensor] = {}

@@ -6,6 +6,7 @@ from estimators.eyes import FrontEnd, HorizonEye
 from estimators.vision.h_mark import HMarkFrontEnd
 from estimators.vision.horizon import HorizonFrontEnd
 from flightlog.equipment import Equipment
+from flightlog.marks import HMark
 
 Variant = Literal["helideck", "published"]
 
@@ -13,7 +14,7 @@ Variant = Literal["helideck", "published"]
 def pad_eye(equipment: Equipment, variant: Variant) -> FrontEnd | None:
     """What looks for the mark in the down camera's pictures; None without mark or camera."""
     down, mark = equipment.cameras.get("down"), equipment.mark
-    if down is None or mark is None:
+    if down is None or not isinstance(mark, HMark):
         return None
     return HMarkFrontEnd(down.model, down.mount, mark)
 

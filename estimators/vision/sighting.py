@@ -17,7 +17,7 @@ class PadPrediction:
     """
 
     position: Floats  # (3,) [m] the mark's centre in camera axes
-    angle: float  # [rad] as PadSighting.angle, modulo pi
+    angle: float  # [rad] as PadSighting.angle, in (-pi, pi]
     std_position: Floats  # (3,) [m] camera axes
     std_angle: float  # [rad]
 
@@ -28,7 +28,7 @@ class PadSighting:
 
     angle: azimuth of the mark's axis minus azimuth of image up, both clockwise seen from above, image up taken by its
     horizontal projection: heading of the mark = heading of the camera + angle (for the down camera the camera's
-    heading is the vehicle's). Modulo pi for an H, in (-pi/2, pi/2].
+    heading is the vehicle's). Modulo the mark's own turn: in (-pi/2, pi/2] for an H, in (-pi, pi] for a ring.
 
     covariance (4, 4) is of (x, y, z [m], angle [rad]), from the picture alone: the prediction is not in it, and a
     direction that the visible edges leave open has a standard deviation of metres. It holds the front end's share of

@@ -173,7 +173,9 @@ class Renderer:
     def _dip(self, height: float) -> None:
         """Where the scene's horizon dips: the disc's rim is seen sqrt(2 h / R) below elevation 0."""
         if self.scene.dip:
-            self.model.geom_size[self.model.geom(names.FAR_DISC).id, 0] = math.sqrt(max(height, 0.1) * EARTH_RADIUS / 2)
+            disc = self.model.geom(names.FAR_DISC)
+            above = max(height - disc.pos[2], 0.1)  # a deck lies higher than the sea whose horizon is seen
+            self.model.geom_size[disc.id, 0] = math.sqrt(above * EARTH_RADIUS / 2)
 
     def _sees_sky(self, camera: CameraModel, axes: Floats) -> bool:
         """Whether any corner of the picture looks above 3 deg below the horizon, where ground may end and sky begin."""

@@ -20,7 +20,7 @@ import numba
 import numpy as np
 
 from flightlog.camera import CameraModel, CameraMount
-from flightlog.marks import HMark
+from flightlog.marks import HMark, Mark
 from flightlog.signals import PadSample
 from sim.parameters import Parameter
 from sim.sensors.contract import Floats, Site, Truth
@@ -28,6 +28,7 @@ from sim.sensors.device import LATENCY, RATE, Device
 from sim.sensors.noise import gauss_markov
 
 SAMPLE_SPACING = 0.05  # [m] along the outline
+CLEAR = 5.0  # [px] a round edge nearer than this to another is not told apart from it
 
 _OPEN_STD = 3.0  # [m], [rad]: what the front end says of a direction that no visible edge measures
 
@@ -37,7 +38,8 @@ def _information(position, rotation, mount, axes, mark_axis, intrinsics, margin,
     """Centre of the mark in camera axes (3,), its angle, Fisher information (7, 7) at 1 px, share in the picture.
 
     The information's order is x, y, z [m], angle [rad], tilt about the camera's x and y [rad], bleed [px].
-    samples (N, 5): points of the outline and unit tangents in mark axes [m], length [m] that each stands for;
+    samples (N, 6): points of the outline and unit tangents in mark axes [m], length [m] that each stands for, and
+    clearance [m] to the next edge;
     mark_axis (2,): east and north of the mark's y axis. intrinsics: width, height, fx, fy, cx, cy.
     The angle's zero is image up, made level.
     """
@@ -79,7 +81,7 @@ def _information(position, rotation, mount, axes, mark_axis, intrinsics, margin,
         tz = samples[k, 2] * across[2] + samples[k, 3] * along[2]
         du, dv = px * (tx - tan_x * tz), py * (ty - tan_y * tz)  # the edge in the picture [px/m]
         pitch = math.sqrt(du * du + dv * dv)
-        if pitch < 1e-9:
+        if pitch < 1e-9 or samples[k, 5] * min(px, py) < CLEAR:
             continue
         nu, nv = dv / pitch, -du / pitch
         jx, jy = nu * px, nv * py
@@ -153,15 +155,23 @@ def _solve(
     return (e[0], e[1], e[2], e[3]), (covariance[0, 0], covariance[1, 1], covariance[2, 2], covariance[3, 3])
 
 
-def _outline(mark: HMark) -> Floats:
-    """Samples (N, 5) of the outline: middle [m], unit tangent, length [m], each about SAMPLE_SPACING long."""
-    corners = mark.outline()
+def _outline(mark: Mark) -> Floats:
+    """Samples (N, 6): middle [m], unit tangent, length [m], each about SAMPLE_SPACING long, clearance [m].
+
+    Straight edges are taken to be clear of others, as an H's are where it is found at all.
+    """
     rows = []
-    for start, side in zip(corners, np.roll(corners, -1, axis=0) - corners, strict=True):
-        length = float(np.hypot(*side))
-        number = math.ceil(length / SAMPLE_SPACING)
-        for k in range(number):
-            rows.append([*(start + side * (k + 0.5) / number), *(side / length), length / number])
+    for corners in [mark.outline()] if isinstance(mark, HMark) else mark.bars():
+        for start, side in zip(corners, np.roll(corners, -1, axis=0) - corners, strict=True):
+            length = float(np.hypot(*side))
+            number = math.ceil(length / SAMPLE_SPACING)
+            for k in range(number):
+                rows.append([*(start + side * (k + 0.5) / number), *(side / length), length / number, math.inf])
+    for x, y, radius, _, clearance in () if isinstance(mark, HMark) else mark.circles().tolist():
+        number = max(12, math.ceil(2.0 * math.pi * radius / SAMPLE_SPACING))
+        for angle in (np.arange(number) * 2.0 * math.pi / number).tolist():
+            c, s = math.cos(angle), math.sin(angle)
+            rows.append([x + radius * c, y + radius * s, -s, c, 2.0 * math.pi * radius / number, clearance])
     return np.array(rows)
 
 
@@ -185,7 +195,7 @@ class PadCamera(Device):
         Parameter("scale_std", "1", 0.0, 0.1, "error of the focal length, drawn per flight"),
         Parameter("margin", "px", 0.0, 100.0, "edges nearer to the picture's border are not used"),
         Parameter("least_distance", "m", 0.0, 10.0, "camera to mark, along the optical axis: nearer it is lost"),
-        Parameter("least_size", "px", 1.0, 500.0, "length of a leg in the picture: smaller it is not found"),
+        Parameter("least_size", "px", 1.0, 500.0, "leg or outermost ring in the picture: smaller it is not found"),
         Parameter("least_visible", "1", 0.0, 1.0, "of the outline: less is not recognised"),
         Parameter("detection_share", "1", 0.0, 1.0, "of the pictures with a whole mark in which it is found"),
         Parameter("cut_detection_share", "1", 0.0, 1.0, "of the pictures with a cut mark in which it is found"),
@@ -205,7 +215,7 @@ class PadCamera(Device):
         *,
         camera: CameraModel,
         mount: CameraMount,
-        mark: HMark,
+        mark: Mark,
         mark_heading: float = 0.0,
     ) -> None:
         """`mount` holds what `position` says, and the axes; mark_heading [rad]: of its y axis, clockwise from north.
@@ -220,7 +230,8 @@ class PadCamera(Device):
         )
         self._samples = _outline(mark)
         self._mark_axis: Floats = np.array([math.sin(mark_heading), math.cos(mark_heading)])
-        self._leg = mark.leg
+        self._size_of_mark = mark.leg if isinstance(mark, HMark) else mark.size
+        self._turn_of_mark = mark.turn
         self._bleed, self._scale = rng.standard_normal(2).tolist()  # in standard deviations, as the tilt
         self._tilt: list[float] = rng.standard_normal(2).tolist()
         self._size = float(rng.standard_normal())
@@ -246,7 +257,7 @@ class PadCamera(Device):
             return None
         fx, fy = float(self._intrinsics[2]), float(self._intrinsics[3])
         share = n["detection_share"] if visible > 1.0 - 1e-9 else n["cut_detection_share"]
-        if self._leg * min(fx, fy) < n["least_size"] * z or found >= share:
+        if self._size_of_mark * min(fx, fy) < n["least_size"] * z or found >= share:
             return None
         tilt_x, tilt_y = n["tilt_std"] * tilt[0], n["tilt_std"] * tilt[1]
         (ex, ey, ez, ea), (vx, vy, vz, va) = _solve(
@@ -254,7 +265,7 @@ class PadCamera(Device):
             tilt_x, tilt_y, n["bleed_std"] * self._bleed, normal,
         )  # fmt: skip
         std_x, std_y = n["centre_noise"] * z / fx, n["centre_noise"] * z / fy
-        std_share = n["size_noise"] * 2.0 * z / (self._leg * math.sqrt(fx * fy))  # of the distance
+        std_share = n["size_noise"] * 2.0 * z / (self._size_of_mark * math.sqrt(fx * fy))  # of the distance
         std_twist = n["angle_noise"]
         scale = n["scale"] + n["scale_std"] * self._scale
         # an error of the distance moves the mark along its ray
@@ -271,7 +282,7 @@ class PadCamera(Device):
             seen_x,
             seen_y,
             seen_z,
-            0.5 * math.pi - (0.5 * math.pi - seen_angle) % math.pi,
+            0.5 * self._turn_of_mark - (0.5 * self._turn_of_mark - seen_angle) % self._turn_of_mark,
             math.sqrt(vx + (x * std_share) ** 2 + std_x**2),
             math.sqrt(vy + (y * std_share) ** 2 + std_y**2),
             math.sqrt(vz + (z * std_share) ** 2),

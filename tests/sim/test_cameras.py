@@ -89,7 +89,7 @@ def chessboard(monkeypatch) -> np.ndarray:
     """Paints a chessboard in the mark's place; its inner corners (N, 3) [m]."""
 
     def paint(mark: HMark, texels: int) -> np.ndarray:
-        c = np.floor(((np.arange(texels) + 0.5) / texels - 0.5) * textures.pad_side(mark) / SQUARE).astype(int)
+        c = np.floor(((np.arange(texels) + 0.5) / texels - 0.5) * mark.square / SQUARE).astype(int)
         dark = (c[:, None] + c[None, :]) % 2 == 0
         return np.repeat(np.where(dark, 40, 235).astype(np.uint8)[..., None], 3, axis=2)
 

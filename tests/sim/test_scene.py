@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 import assets
 from flightlog.camera import CameraModel, CameraMount
 from flightlog.equipment import CameraSpec
-from flightlog.marks import HMark
+from flightlog.marks import HMark, RingMark
 from flightlog.rotations import quaternion
 from sim import scene as names
 from sim.light import Light
 from sim.scene import CompiledScene, compose, scenes
-from sim.textures import ASPHALT, PAINT, coverage, pad_side, paint_mark
+from sim.textures import ASPHALT, GREY, PAINT, coverage, disc_coverage, paint_mark
 
 RAPTOR = assets.path("vehicles", "raptor90.xml")
 SKIDS = 0.23  # [m] body origin above the skids' plane
@@ -124,7 +124,7 @@ def test_a_composed_scene_survives_the_way_to_another_process(composed):
 
 
 def test_an_unknown_scene_is_answered_with_those_there_are():
-    with pytest.raises(ValueError, match=r"scene 'moon': unknown; there are: field, sea"):
+    with pytest.raises(ValueError, match=r"scene 'moon': unknown; there are: deck, field, sea"):
         compose(RAPTOR, "moon", None, {}, Light())
 
 
@@ -157,7 +157,7 @@ def test_a_vehicle_without_the_body_vehicle_is_refused(tmp_path):
 )
 def test_the_painted_area_is_the_outline_s(leg, width, stroke, texels):
     mark = HMark(leg, width, stroke * min(leg, width))
-    side = pad_side(mark)
+    side = mark.square
     share = coverage(mark.outline(), side, texels)
     x, y = mark.outline().T
     shoelace = 0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))
@@ -183,13 +183,65 @@ def test_the_mark_s_picture_stands_upright():
     texels = len(picture)
 
     def at(x: float, y: float) -> float:
-        side = pad_side(mark)
+        side = mark.square
         return picture[int((0.5 - y / side) * texels), int((0.5 + x / side) * texels)]
 
     assert at(-0.25, 0.45) == pytest.approx(PAINT, abs=0.01)
     assert at(0.0, 0.45) == pytest.approx(ASPHALT, abs=0.08)
     assert at(0.0, 0.0) == pytest.approx(PAINT, abs=0.01)
     assert at(0.45, 0.0) == pytest.approx(ASPHALT, abs=0.08)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    x=st.floats(-0.2, 0.2), y=st.floats(-0.2, 0.2), radius=st.floats(0.08, 0.25), texels=st.integers(100, 200),
+)  # fmt: skip
+def test_a_painted_disc_has_its_area_and_its_centre(x, y, radius, texels):
+    share = disc_coverage(x, y, radius, 1.0, texels)
+    assert share.min() >= 0 and share.max() <= 1
+    # the edge is taken as straight within a texel: its sagitta is texel^2 / (8 radius), on average two thirds of it
+    texel = 1.0 / texels
+    assert share.sum() * texel**2 == pytest.approx(np.pi * radius**2, rel=texel**2 / (4 * radius**2) + 1e-9)
+    centres = (np.arange(texels) + 0.5) * texel - 0.5
+    assert (share.sum(axis=0) @ centres) / share.sum() == pytest.approx(x, abs=0.02 * texel)
+    assert (share.sum(axis=1) @ centres[::-1]) / share.sum() == pytest.approx(y, abs=0.02 * texel)
+
+
+def test_texels_on_a_disc_s_edge_are_mixed_by_area():
+    """Against 64 x 64 points a texel."""
+    texels, fine = 20, 64
+    share = disc_coverage(0.013, -0.021, 0.31, 1.0, texels)
+    c = (np.arange(texels * fine) + 0.5) / (texels * fine) - 0.5
+    inside = np.hypot(c[None, :] - 0.013, c[::-1, None] + 0.021) < 0.31
+    counted = inside.reshape(texels, fine, texels, fine).mean(axis=(1, 3))
+    # the sagitta over the longest chord of a texel, and the counting's own grain
+    assert np.abs(share - counted).max() < 2 * 0.05 / (8 * 0.31) + 2 / fine
+
+
+def test_the_ring_mark_is_painted_where_its_shapes_are():
+    mark = RingMark()
+    picture = paint_mark(mark, 1024)[..., 0] / 255.0
+
+    def at(x: float, y: float) -> float:
+        return picture[int((0.5 - y / mark.square) * 1024), int((0.5 + x / mark.square) * 1024)]
+
+    for inner, outer in mark.rings:
+        assert at((inner + outer) / 2, 0.0) == pytest.approx(PAINT, abs=0.01)
+        assert at(0.0, -(inner + outer) / 2) == pytest.approx(PAINT, abs=0.01)
+    for x, y in ((0.0, 0.0), (0.335, 0.0), (0.18, 0.0), (0.045, 0.0), (0.52, 0.0), *mark.holes()):
+        assert at(x, y) == pytest.approx(ASPHALT, abs=0.08)
+    assert at(0.06, 0.06) == pytest.approx(GREY, abs=0.01)  # between the holes
+    assert at(0.0, 0.64) == pytest.approx(PAINT, abs=0.01)  # guide line: above the rings only
+    assert at(0.0, -0.64) == pytest.approx(ASPHALT, abs=0.08)
+    assert at(-0.9, 0.17) == pytest.approx(PAINT, abs=0.01)  # the left T's beam
+    assert at(0.75, -0.2) == pytest.approx(PAINT, abs=0.01)  # the right T's foot
+
+
+def test_a_deck_s_horizon_dips_by_its_height_over_the_sea():
+    compiled = compose(RAPTOR, "deck", RingMark(), {}, Light(), dip=True).model()
+    assert compiled.geom(names.FAR_DISC).pos[2] < compiled.geom("sea_seen").pos[2] < -3.0
+    assert compiled.geom("pad").pos[2] == 0.0
+    assert compiled.geom("ground_seen").pos[2] == pytest.approx(-0.001)
 
 
 def test_level_ground_is_lit_alike_from_every_elevation():
