@@ -17,7 +17,7 @@ import assets
 from flightlog.camera import CameraModel
 from flightlog.equipment import CameraSpec
 from flightlog.marks import HMark, Mark
-from sim import sky, textures
+from sim import courtyard, sky, textures
 from sim.cameras.optics import pinhole_behind
 from sim.light import Light
 
@@ -65,6 +65,8 @@ class CompiledScene:
             "mark": lambda n: textures.paint_mark(self.mark or HMark(), n),
             "grass": textures.paint_grass,
             "waves": textures.paint_waves,
+            "paving": courtyard.paint_paving,
+            "plaster": courtyard.paint_plaster,
             "deck": textures.paint_deck,
             "meadow": lambda n: textures.paint_meadow(n, far),
             "swell": lambda n: textures.paint_swell(n, far),
