@@ -226,7 +226,7 @@ class Scenario(Strict):
     vehicle: str
     description: str = ""
     pad: Literal["h", "ring", "none"] = "h"
-    scene: Literal["field", "sea", "deck"] = "field"
+    scene: Literal["field", "sea", "deck", "courtyard"] = "field"
     horizon_dip: bool = False
     navigator: Annotated[str, AfterValidator(_known_navigator)] = "helideck"
     variant: Variant = "helideck"
