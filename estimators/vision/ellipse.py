@@ -1,7 +1,7 @@
 """Ellipses and circles through points by direct least squares.
 
 Ellipse: Fitzgibbon, Pilu and Fisher 1999 in the numerically stable form of Halir and Flusser 1998: the conic
-a x^2 + b x y + c y^2 + d x + e y + f = 0 with the least algebraic error under 4 a c - b^2 = 1, which only ellipses meet.
+a x^2 + b x y + c y^2 + d x + e y + f = 0 with the least algebraic error under 4 a c - b^2 = 1, as only ellipses have.
 Circle: the linear least squares of Wu 2019, section 2.2 (Kasa 1976): it is exact for a circle, and where the circle is
 seen tilted its centre is not the image of the circle's centre.
 """

@@ -94,7 +94,8 @@ def iterate(sums: Sums, start: Floats, rounds: int = ROUNDS, settled: float = SE
             break
         if number % LEAP_EVERY == 0:
             square = np.sum(before * before, axis=(-2, -1), keepdims=True)
-            ratio = np.clip(np.sum(step * before, axis=(-2, -1), keepdims=True) / np.maximum(square, 1e-300), 0.0, 0.999)
+            along = np.sum(step * before, axis=(-2, -1), keepdims=True)
+            ratio = np.clip(along / np.maximum(square, 1e-300), 0.0, 0.999)
             leapt = nearest_rotation(following + step * ratio / (1.0 - ratio))
             better = error(sums, leapt) < error(sums, following)
             following = np.where(better[..., None, None], leapt, following)
@@ -164,8 +165,8 @@ def _minima(g: Floats) -> list[float]:
 def solve(points: Floats, rays: Floats, start: Floats | None = None, *, flat: bool = True) -> list[PointPose]:
     """Poses of an object of points (N, 3), N >= 4, seen along rays (N, 3) with z > 0 in camera axes; the best first.
 
-    start (3, 3): where the iteration begins; by default the weak perspective of the original. flat: look for the
-    second minimum of a flat object. Poses that put the object behind the camera are left out.
+    start (3, 3): where the iteration begins; by default the weak perspective of the original. flat: all points have
+    z = 0, look for the second minimum. Poses that put the object behind the camera are left out.
     """
     sums = gather(points, rays)
     begins = [nearest_rotation(sums.spread) if start is None else np.asarray(start, float)]
@@ -183,9 +184,11 @@ def solve(points: Floats, rays: Floats, start: Floats | None = None, *, flat: bo
     return sorted((pose for pose in found if pose.translation[2] > 0.0), key=lambda pose: pose.error)
 
 
-def covariance(points: Floats, pose: PointPose, std_ray: float) -> Floats:
-    """Covariance (6, 6) of translation and rotation vector [rad] (camera axes) where the rays' x/z and y/z have errors
-    of standard deviation `std_ray`, to first order."""
+def covariance(points: Floats, pose: PointPose, std_ray: float | Floats) -> Floats:
+    """Covariance (6, 6) of translation and rotation vector [rad], camera axes, to first order.
+
+    std_ray: standard deviation of the errors of the rays' x/z and y/z, one for all or (N,).
+    """
     arms = np.asarray(points, float) @ pose.rotation.T
     x, y, z = (arms + pose.translation).T
     slopes = np.zeros((len(x), 2, 3))
@@ -195,5 +198,6 @@ def covariance(points: Floats, pose: PointPose, std_ray: float) -> Floats:
     cross[:, 0, 1], cross[:, 0, 2] = arms[:, 2], -arms[:, 1]
     cross[:, 1, 0], cross[:, 1, 2] = -arms[:, 2], arms[:, 0]
     cross[:, 2, 0], cross[:, 2, 1] = arms[:, 1], -arms[:, 0]
-    jacobian = np.concatenate([slopes, slopes @ cross], axis=2).reshape(-1, 6)
-    return np.asarray(std_ray**2 * np.linalg.inv(jacobian.T @ jacobian))
+    jacobian = np.concatenate([slopes, slopes @ cross], axis=2)
+    jacobian = (jacobian / np.broadcast_to(std_ray, len(points))[:, None, None]).reshape(-1, 6)
+    return np.asarray(np.linalg.inv(jacobian.T @ jacobian))
