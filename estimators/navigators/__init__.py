@@ -4,11 +4,12 @@ from importlib import import_module
 
 from estimators.eyes import Eyes
 from estimators.navigators.contract import Navigator as Navigator
+from estimators.navigators.contract import Steered as Steered
 from estimators.navigators.contract import Variant as Variant
 from flightlog.equipment import Equipment
 from flightlog.errors import UserError
 
-NAVIGATORS: tuple[str, ...] = ("helideck",)  # each a module of this package
+NAVIGATORS: tuple[str, ...] = ("helideck", "wu2019", "zeng")  # each a module of this package
 
 
 def make(name: str, equipment: Equipment, *, variant: Variant = "helideck", sees: bool) -> Navigator:

@@ -1,0 +1,35 @@
+"""Wu et al. 2019: position by the ring and T landmark, filtered with the acceleration."""
+
+from estimators.eyes import Eyes
+from estimators.navigator import Navigator as Own
+from estimators.navigators.contract import Navigator, Variant
+from estimators.vision.front_ends import horizon_eyes, pad_eye
+from estimators.vision.wu_mark import WuFrontEnd
+from estimators.wu_navigator import WuNavigator
+from flightlog.equipment import Equipment
+from flightlog.errors import UserError
+from flightlog.marks import RingMark
+
+NEEDS = ("imu", "rotor")
+
+
+def look(equipment: Equipment, variant: Variant) -> Eyes:
+    """The landmark below; the horizon ahead is drawn only.
+
+    Raises:
+        UserError: the published front end knows the ring landmark alone.
+    """
+    horizons = horizon_eyes(equipment, variant)
+    if variant == "helideck":
+        return Eyes(pad=pad_eye(equipment, variant), horizons=horizons)
+    down, mark = equipment.cameras.get("down"), equipment.mark
+    if down is None or mark is None:
+        return Eyes(horizons=horizons)
+    if not isinstance(mark, RingMark):
+        raise UserError('pad: the navigator "wu2019" as published reads the ring landmark alone; pad = "ring" would do')
+    return Eyes(pad=WuFrontEnd(down.model, down.mount, mark), horizons=horizons)
+
+
+def build(equipment: Equipment, eyes: Eyes, variant: Variant) -> Navigator:
+    """As published, the paper's filter; else Helideck's navigator with its front end for the ring."""
+    return Own(equipment, eyes) if variant == "helideck" else WuNavigator(equipment, eyes)
