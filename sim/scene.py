@@ -33,6 +33,7 @@ SHADOW = "shadow"  # a mocap body that the renderer places
 SUN = "sun"
 FAR_DISC = "far_disc"  # carries the horizon where it dips
 FAR = "far"  # material: the colour into which the ground fades
+MARK = "mark"  # texture and material of the pad
 
 WORLD_GROUP, SHADOW_GROUP, VEHICLE_GROUP, HIDDEN_GROUP = 0, 1, 2, 3
 PIXEL = 1e-5  # [m] what a pixel measures on MuJoCo's sensor; only ratios count

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from flightlog.camera import CameraModel
 from flightlog.constants import EARTH_RADIUS
 from sim import scene as names
-from sim.cameras import RenderError
+from sim.cameras import RenderError, mipmaps
 from sim.cameras.blur import image_motion
 from sim.cameras.imaging import Imaging, develop
 from sim.cameras.optics import Lens
@@ -83,6 +83,11 @@ class Renderer:
         for k in np.flatnonzero(self.model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX):
             GL.glBindTexture(GL.GL_TEXTURE_CUBE_MAP, int(self._context.texture[k]))
             GL.glTexParameteri(GL.GL_TEXTURE_CUBE_MAP, GL.GL_TEXTURE_MIN_FILTER, GL.GL_LINEAR)
+        for texture in map(self.model.tex, range(self.model.ntex)):
+            if texture.name == names.MARK:
+                size, start = int(texture.width[0]), int(texture.adr[0])
+                painted = self.model.tex_data[start : start + 3 * size**2].reshape(size, size, 3)
+                mipmaps.upload(int(self._context.texture[texture.id]), painted)
 
     def __enter__(self) -> Self:
         return self
