@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from estimators import altitude, chain, position
 from estimators.altitude import AltitudeFilter, AltitudeNoise
 from estimators.attitude import AttitudeFilter
-from estimators.eyes import Eyes, expect_pad
+from estimators.eyes import Eyes, FlowEye, expect_pad
+from estimators.flow_inertial import FlowFusion
 from estimators.heading import correct_axis, correct_azimuth
 from estimators.lever_arms import antenna, pad_in_world, ranger
 from estimators.position import PositionFilter, PositionNoise
@@ -50,6 +51,7 @@ LONGEST_GAP = 60.0  # [s] an inertial sample farther ahead has a broken stamp
 GRAIN = 0.003  # [m] neither mount nor pad are known better
 SCALE = 1e-3  # [1] of the lateral distance: focal length
 ALIKE = 10.0  # echoes
+AT_REST = (0.002, 0.02)  # [m], [m/s] a flight begins by flow alone, trimmed over its origin
 
 
 def _memory_length(equipment: Equipment) -> int:
@@ -67,8 +69,12 @@ class Navigator:
     What the horizons' eyes see is given out among the detections and drawn; the attitude does not use it.
     """
 
-    def __init__(self, equipment: Equipment, eyes: Eyes | None = None) -> None:
-        """Compiles what is not compiled yet, then waits for the first samples."""
+    def __init__(self, equipment: Equipment, eyes: Eyes | None = None, *, flow: bool = False) -> None:
+        """Compiles what is not compiled yet, then waits for the first samples.
+
+        `flow`: optical flow is used. It tells the way from somewhere: from where the flight begins, at rest, which is
+        then the horizontal origin.
+        """
         self._epochs = _memory_length(equipment)
         chain.compile_all(self._epochs)
         self._equipment = equipment
@@ -82,7 +88,7 @@ class Navigator:
         self._started = False
         self._time = 0.0
         self._refused: Counter[str] = Counter()
-        self._detections: list[PadSample | HorizonSample] = []
+        self._detections: list[PadSample | HorizonSample | FlowSample] = []
         self._overlays: dict[str, Sequence[Floats]] = {}
         self._correct = False  # whether something waits to act
         self._aligned = False  # whether there is an attitude
@@ -93,6 +99,8 @@ class Navigator:
         self._gps = sensors.get("gps")
         self._baro = sensors.get("baro")
         self._down = equipment.cameras.get("down")
+        self._flow = FlowFusion(self._down) if flow and self._down is not None else None
+        self._first = 0.0  # [s] the first sample
         self._handlers: Mapping[type, Callable[[Any], None]] = {
             ImuSample: self._take_imu,
             MagSample: self._take_mag,
@@ -107,8 +115,8 @@ class Navigator:
         }
 
     @property
-    def detections(self) -> Sequence[PadSample | HorizonSample]:
-        """What the front end saw in the pictures of the last update."""
+    def detections(self) -> Sequence[PadSample | HorizonSample | FlowSample]:
+        """What the front ends saw in the pictures of the last update."""
         return self._detections
 
     @property
@@ -125,8 +133,14 @@ class Navigator:
             counts["baro"] += int(high[altitude.BARO])
             counts["sonar"] += int(high[altitude.SONAR])
             counts["gps"] += int(high[[altitude.GPS, altitude.GPS_CLIMB]].sum() + side[: position.VISION_1].sum())
-            counts["pad"] += int(high[altitude.VISION] + side[position.VISION_1 :].sum())
+            counts["pad"] += int(high[altitude.VISION] + side[position.VISION_1 : position.FLOW_E].sum())
+            counts["flow"] += int(side[position.FLOW_E : position.KEY_E].sum())
         return MappingProxyType({topic: count for topic, count in counts.items() if count})
+
+    @property
+    def filters(self) -> tuple[AttitudeFilter, AltitudeFilter, PositionFilter]:
+        """The filters themselves, for whoever judges them; the last two exist from the first update on."""
+        return self._attitude, self._altitude, self._position
 
     @property
     def mode(self) -> altitude.Mode:
@@ -144,6 +158,9 @@ class Navigator:
             handlers[type(measurement)](measurement)
         if not self._aligned and self._attitude.memory["aligned"][0]:
             self._aligned = True
+            if self._flow is not None:
+                self._position.begin(self._time, self._first, *AT_REST)
+                self._correct = True
             for action in self._waiting:
                 action()
             self._waiting.clear()
@@ -163,7 +180,10 @@ class Navigator:
             stamps = [max([t for t in late if math.isfinite(t)], default=0.0)]
         t = stamps[0] - BEFORE
         self._altitude = AltitudeFilter(AltitudeNoise.of(self._equipment), t, self._epochs)
-        self._position = PositionFilter(PositionNoise.of(self._equipment), t, self._epochs)
+        self._position = PositionFilter(
+            PositionNoise.of(self._equipment), t, self._epochs, flow=self._flow is not None
+        )
+        self._first = stamps[0]
         self._time = stamps[0] - self._period
         self._attitude.memory["t"] = self._time
         self._started = True
@@ -269,12 +289,18 @@ class Navigator:
         """Not used: the inertial attitude with its aid is better than a horizon over hills."""
 
     def _take_flow(self, s: FlowSample) -> None:
-        """Not used."""
+        if self._flow is None or self._waits(lambda: self._take_flow(s)):
+            return
+        if s.t > self._time + AHEAD or not self._flow.take(s, self._attitude, self._altitude, self._position):
+            self._refuse("flow")
+        self._correct = True
 
     def _take_frame(self, frame: Frame) -> None:
         if frame.camera in self._horizons:
             self._look_ahead(frame)
             return
+        if frame.camera == "down" and self._eyes.flow is not None:
+            self._look_down(frame, self._eyes.flow)
         front_end, camera = self._front_end, self._down
         if frame.camera != "down" or front_end is None or camera is None or not self._aligned:
             return
@@ -294,6 +320,13 @@ class Navigator:
         )  # fmt: skip
         self._detections.append(sample)
         self._see(sample, np.ascontiguousarray(seen.covariance[:3, :3]))
+
+    def _look_down(self, frame: Frame, eye: FlowEye) -> None:
+        """The ground's motion in the down camera's picture."""
+        sample = eye.see(frame)
+        if sample is not None:
+            self._detections.append(sample)
+            self._take_flow(sample)
 
     def _look_ahead(self, frame: Frame) -> None:
         """The horizon in a forward camera's picture."""

@@ -8,6 +8,7 @@ from flightlog.rotations import angles
 from flightlog.signals import (
     BaroSample,
     Controls,
+    FlowSample,
     Frame,
     GpsSample,
     HorizonSample,
@@ -31,6 +32,7 @@ TOPICS = {
     RotorSample: "rotor",
     PadSample: "pad",
     HorizonSample: "horizon",
+    FlowSample: "flow",
 }
 FLUSH_EVERY = 1.0  # [s] a killed flight is readable up to here
 ESTIMATE_EVERY = 2  # steps: 125 Hz

@@ -2,7 +2,8 @@
 
 from typing import Literal
 
-from estimators.eyes import FrontEnd, HorizonEye
+from estimators.eyes import FlowEye, FrontEnd, HorizonEye
+from estimators.vision.flow import KeyFrameFlowEye
 from estimators.vision.h_mark import HMarkFrontEnd
 from estimators.vision.horizon import HorizonFrontEnd
 from flightlog.equipment import Equipment
@@ -23,3 +24,9 @@ def horizon_eyes(equipment: Equipment, variant: Variant) -> dict[str, HorizonEye
     """What looks for the horizon in each forward camera's pictures."""
     ahead = {name: camera for name, camera in equipment.cameras.items() if name.startswith("forward")}
     return {name: HorizonFrontEnd(camera.model, camera.mount) for name, camera in ahead.items()}
+
+
+def flow_eye(equipment: Equipment, variant: Variant) -> FlowEye | None:
+    """What watches the ground move in the down camera's pictures; None without one."""
+    down = equipment.cameras.get("down")
+    return None if down is None else KeyFrameFlowEye(down.model)
