@@ -44,7 +44,8 @@ def sight(
     t: float, direction: Floats, attitude: AttitudeFilter, high: AltitudeFilter, camera: CameraSpec
 ) -> Sight | None:
     """The point of the ground in a `direction` (3,), camera axes, at `t` [s]; None above the horizontal, or where the
-    height is not known yet."""
+    height is not known yet.
+    """
     x, p = high.kalman.state_at(t)
     turn = matrix(attitude.at(t))
     arm, ray = turn @ camera.mount.position, turn @ camera.mount.axes @ direction

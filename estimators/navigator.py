@@ -143,6 +143,11 @@ class Navigator:
         return self._attitude, self._altitude, self._position
 
     @property
+    def aligned(self) -> bool:
+        """Whether there is an attitude."""
+        return self._aligned
+
+    @property
     def mode(self) -> altitude.Mode:
         """Which set of height measurements is in use."""
         return self._altitude.mode
@@ -180,9 +185,7 @@ class Navigator:
             stamps = [max([t for t in late if math.isfinite(t)], default=0.0)]
         t = stamps[0] - BEFORE
         self._altitude = AltitudeFilter(AltitudeNoise.of(self._equipment), t, self._epochs)
-        self._position = PositionFilter(
-            PositionNoise.of(self._equipment), t, self._epochs, flow=self._flow is not None
-        )
+        self._position = PositionFilter(PositionNoise.of(self._equipment), t, self._epochs, flow=self._flow is not None)
         self._first = stamps[0]
         self._time = stamps[0] - self._period
         self._attitude.memory["t"] = self._time

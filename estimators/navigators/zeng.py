@@ -1,9 +1,10 @@
 """Zeng and Jiang: optical flow and inertial sensors; position counts from where the flight begins."""
 
 from estimators.eyes import Eyes
-from estimators.navigator import Navigator
-from estimators.navigators.contract import Variant
+from estimators.navigator import Navigator as Own
+from estimators.navigators.contract import Navigator, Variant
 from estimators.vision.front_ends import flow_eye
+from estimators.zeng_navigator import ZengNavigator
 from flightlog.equipment import Equipment
 
 NEEDS = ("imu", "rotor")
@@ -15,5 +16,5 @@ def look(equipment: Equipment, variant: Variant) -> Eyes:
 
 
 def build(equipment: Equipment, eyes: Eyes, variant: Variant) -> Navigator:
-    """Helideck's filters with flow."""
-    return Navigator(equipment, eyes, flow=True)
+    """Complementary filters as published, or Helideck's filters with the key frame's place among their states."""
+    return Own(equipment, eyes, flow=True) if variant == "helideck" else ZengNavigator(equipment, eyes)

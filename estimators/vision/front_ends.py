@@ -6,6 +6,7 @@ from estimators.eyes import FlowEye, FrontEnd, HorizonEye
 from estimators.vision.flow import KeyFrameFlowEye
 from estimators.vision.h_mark import HMarkFrontEnd
 from estimators.vision.horizon import HorizonFrontEnd
+from estimators.vision.integer_flow import IntegerFlowEye
 from flightlog.equipment import Equipment
 from flightlog.marks import HMark
 
@@ -29,4 +30,6 @@ def horizon_eyes(equipment: Equipment, variant: Variant) -> dict[str, HorizonEye
 def flow_eye(equipment: Equipment, variant: Variant) -> FlowEye | None:
     """What watches the ground move in the down camera's pictures; None without one."""
     down = equipment.cameras.get("down")
-    return None if down is None else KeyFrameFlowEye(down.model)
+    if down is None:
+        return None
+    return KeyFrameFlowEye(down.model) if variant == "helideck" else IntegerFlowEye(down.model)

@@ -61,7 +61,8 @@ def match(first: Image, second: Image, corners: Integers, size: int, reach: int)
     """Where blocks of the first picture lie in the second, by exhaustive search.
 
     Args:
-        first, second: pictures (H, W) of one size.
+        first: picture (H, W).
+        second: picture of the same size.
         corners: (N, 2) [px] upper left corners x, y of the blocks, which lie inside the picture.
         size: [px] of a block's side.
         reach: [px] of the search, either way.
@@ -90,7 +91,8 @@ def refine(found: Integers) -> Floats:
 
 def texture(image: Image, corners: Integers, size: int) -> Floats:
     """How much there is to see in blocks (N,): mean absolute difference [grey levels] of pixels two apart, the lesser
-    of both directions; a block without it has no minimum of its SAD to find."""
+    of both directions; a block without it has no minimum of its SAD to find.
+    """
     x, y = corners[:, 0], corners[:, 1]
 
     def mean(kernel: Floats) -> Floats:
