@@ -6,7 +6,7 @@ to the logbook and to the observer alone.
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -15,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from estimators.navigators import Navigator
+from estimators.navigators import Navigator, Steered
 from flightlog.errors import UserError
+from flightlog.signals import Measurement, StateEstimate
 from scenarios.crew import NavigatorMaker, Pilot, PilotMaker, make_navigator, make_pilot
 from scenarios.events import Script
 from scenarios.recording import FolderRecording, Recording, Unrecorded, versions
@@ -39,6 +40,7 @@ PROGRESS_EVERY = 0.1  # [s]
 HELD = "held to the end"
 
 Progress = Callable[[float, str, float], None]  # time [s], phase, estimated height [m]
+Onlooker = Callable[[World, Sequence[Measurement], Navigator, StateEstimate], None]  # once a step of the loop
 
 
 class Crew(NamedTuple):
@@ -77,6 +79,7 @@ def fly(
     keep_frames: bool = False,
     name: str = "scenario",
     progress: Progress | None = None,
+    onlooker: Onlooker | None = None,
 ) -> Flight:
     """Fly a scenario once.
 
@@ -92,6 +95,7 @@ def fly(
         keep_frames: write the pictures into the flight too.
         name: of the scenario, for the log.
         progress: called about ten times a simulated second.
+        onlooker: sees world, measurements, navigator and state after each update; experiments judge by it.
 
     Raises:
         UserError: unusable input, or a log that cannot be written any more. SimulationDiverged: the physics left the
@@ -153,7 +157,7 @@ def fly(
         watch = Stopwatch()
         with recording:
             try:
-                reason = _loop(scenario, world, crew, observer, recording, watch, progress)
+                reason = _loop(scenario, world, crew, observer, recording, watch, progress, onlooker)
             except KeyboardInterrupt:
                 with suppress(UserError):
                     concluded("interrupted")
@@ -214,9 +218,11 @@ def _loop(
     recording: Recording,
     watch: Stopwatch,
     progress: Progress | None,
+    onlooker: Onlooker | None,
 ) -> str:
     """Fly until the pilot has finished or time is up; says how it ended."""
     navigator, pilot = crew
+    steered = navigator if isinstance(navigator, Steered) else None
     script = Script(scenario)
     controls = world.trim.controls
     told = 0
@@ -234,9 +240,13 @@ def _loop(
         flown = controls
         if world.t >= HAND_OVER:
             controls = pilot.update(state)
+        if steered is not None:
+            steered.steer(controls)
         watch.lap("pilot")
         observer.watch(world, state, measurements, navigator.detections)
         recording.step(world, measurements, navigator, state, flown)
+        if onlooker is not None:
+            onlooker(world, measurements, navigator, state)
         for t, text in pilot.events[told:]:
             recording.event(t, text)
             observer.phase_changed(t, text)

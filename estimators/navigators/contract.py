@@ -1,14 +1,14 @@
 """What every navigator is: measurements in, state out."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimators.eyes import Eyes
 from flightlog.equipment import Equipment
-from flightlog.signals import Measurement, StateEstimate
+from flightlog.signals import Controls, Measurement, StateEstimate
 
 Floats = NDArray[np.float64]
 
@@ -35,6 +35,15 @@ class Navigator(Protocol):
 
     def update(self, measurements: Sequence[Measurement]) -> StateEstimate:
         """What has arrived since the last call, in order of arrival; called at the inertial sensor's rate."""
+        ...
+
+
+@runtime_checkable
+class Steered(Protocol):
+    """A navigator that predicts by a model of the vehicle, and so wants to be told its controls."""
+
+    def steer(self, controls: Controls) -> None:
+        """The controls as sent from now on; called after each update."""
         ...
 
 
