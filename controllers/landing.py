@@ -40,6 +40,9 @@ class LandingLimits:
     patience: float = 4.0  # for which the pad may be lost, or the limits left, before going around
     spread: float = 0.5  # largest standard deviation of the horizontal position
     tilt: float = 0.30  # above which a landing is broken off
+    steps: tuple[float, ...] = ()  # heights of the body origin at which the descent pauses ...
+    step_time: float = 4.0  # ... for so long each
+    step_near: float = 0.15  # that counts as having come down to one
     tries: int = 3
     again_height: float = 5.0  # of a go-around
     contact_low: float = 0.06  # skids this near to the ground ...
@@ -69,6 +72,8 @@ class Landing:
         self._good = 0.0  # since when the check holds, the limits are kept, the skids stand still
         self._sinking = 0.0  # when it last sank, or was not asked to
         self._check_height = self.limits.height
+        self._steps = sorted(self.limits.steps, reverse=True)  # still to come
+        self._paused = math.nan  # since when at the first of them
         self._step = {
             Phase.APPROACH: self._approach,
             Phase.HOVER: self._hover,
@@ -139,7 +144,8 @@ class Landing:
             self._enter(Phase.CUTOFF, state.t)
             return self._cutoff(state, error, height, speed, climb)
         demand = self._down(state, error, height, speed)
-        if abs(climb) > limits.stuck_speed or demand.rate < 2.0 * limits.stuck_speed or self.phase is not Phase.FLARE:
+        asked = demand.rate >= 2.0 * limits.stuck_speed and demand.height < 0.0
+        if abs(climb) > limits.stuck_speed or not asked or self.phase is not Phase.FLARE:
             self._sinking = state.t
         elif state.t - self._sinking > limits.stuck_time:
             self._enter(Phase.CUTOFF, state.t, f"does not sink any more at {low:.2f} m")
@@ -210,5 +216,17 @@ class Landing:
         share = min(max(2.0 * (1.0 - error / cone), 0.0), 1.0)  # full rate in the inner half of the cone
         if not seen or (low < limits.wait_below and speed > limits.cutoff_speed):
             share = 0.0
-        demand = self._over_pad(-math.inf, rate * share, limits.tilt_low)
+        demand = self._over_pad(self._floor(state.t, height), rate * share, limits.tilt_low)
         return demand._replace(ground_effect=self.phase is not Phase.DESCEND)
+
+    def _floor(self, t: float, height: float) -> float:
+        """The height of the step to come down to, or where one pauses; -inf when none is left."""
+        while self._steps:
+            if math.isnan(self._paused) and height < self._steps[0] + self.limits.step_near:
+                self._paused = t
+                self.events.append((t, f"step at {self._steps[0]:g} m"))
+            if math.isnan(self._paused) or t - self._paused < self.limits.step_time:
+                return self._steps[0]
+            self._steps.pop(0)
+            self._paused = math.nan
+        return -math.inf

@@ -77,7 +77,8 @@ def make_pilot(vehicle: Vehicle, site: Site, scenario: Scenario, heading: float)
         heading = math.radians(plan.heading_deg)
     east, north, height = plan.point_m
     lands = plan.goal == "land"
-    sequence = Landing(site.skid_height, LandingLimits(height=height)) if lands else Hover(height=height)
+    limits = LandingLimits(height=height, steps=tuple(plan.steps_m), step_time=plan.step_s)
+    sequence = Landing(site.skid_height, limits) if lands else Hover(height=height)
     sequence.set_target(east, north)
     gains = _gains(vehicle, site.surface_pressure, site.surface_temperature)
     return controllers.pilot.Pilot(gains, sequence, heading)

@@ -55,6 +55,8 @@ class Plan(Strict):
     goal: Literal["land", "hover"] = "land"
     point_m: Point = [0.0, 0.0, 10.0]  # P1 of Lei 2012
     heading_deg: Degrees | None = None  # None: the heading at the start is kept
+    steps_m: list[Annotated[float, Field(gt=LEAST_HEIGHT, le=3000)]] = []  # heights at which a landing pauses
+    step_s: float = Field(default=4.0, ge=0, le=600)
 
 
 class WeatherTable(Strict):
@@ -131,7 +133,7 @@ SENSOR_TABLES = {topic: _sensor_table(topic) for topic in SENSORS}
 _sensor_fields: dict[str, Any] = {topic: (table, table()) for topic, table in SENSOR_TABLES.items()}
 Sensors: type[BaseModel] = create_model("Sensors", __base__=Strict, **_sensor_fields)
 
-Device = Literal["imu", "mag", "baro", "gps", "sonar", "rotor", "pad", "down", "forward_a", "forward_b"]
+Device = Literal["imu", "mag", "baro", "gps", "sonar", "rotor", "pad", "flow", "down", "forward_a", "forward_b"]
 
 
 class Event(Strict):
@@ -178,7 +180,7 @@ class FaultEvent(Event):
             raise ValueError("says neither numbers nor column and fault")
         table = SENSOR_TABLES.get(self.sensor)
         if table is None:
-            raise ValueError(f"{self.sensor} is a camera: it has neither numbers nor columns; pad is what it sees")
+            raise ValueError(f"{self.sensor} is a camera: it has neither numbers nor columns; pad and flow are what it sees")
         if self.column is not None:
             columns = [column.name for column in MEASURED[self.sensor].columns if column.kind != "text"]
             if self.column not in columns:

@@ -131,7 +131,8 @@ def compose(
     root.visual.__getattr__("global").offwidth = max([640, *(s.width for s in sizes)])
     root.visual.__getattr__("global").offheight = max([480, *(s.height for s in sizes)])
     if dip:
-        below = root.find("geom", "far_ground").pos[2] - 0.02
+        far = root.find("geom", "far_ground")
+        below = -0.05 if far is None else far.pos[2] - 0.02
         root.worldbody.add(
             "geom", name=FAR_DISC, type="cylinder", size=[5000.0, 0.01], pos=[0, 0, below], material="far",
             contype=0, conaffinity=0, group=WORLD_GROUP,

@@ -29,16 +29,26 @@ def coverage(outline: Floats, side: float, texels: int) -> Floats:
     """
     low = (np.arange(texels) / texels - 0.5) * side
     texel = side / texels
-    area = np.zeros((texels, texels))
+    whole = np.zeros((texels, texels))
+    (west, south), (east, north) = outline.min(axis=0), outline.max(axis=0)
+    columns, rows = _span(west, east, side, texels), _span(south, north, side, texels)
+    area = whole[rows, columns]
     for (x0, y0), (x1, y1) in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         if y0 != y1:
             if x0 != x1:
                 raise ValueError("outline has an edge that runs along neither axis")
             continue
-        along = np.clip(np.array([[x0], [x1]]) - low, 0.0, texel)
-        below = np.clip(y0 - low, 0.0, texel)
+        along = np.clip(np.array([[x0], [x1]]) - low[columns], 0.0, texel)
+        below = np.clip(y0 - low[rows], 0.0, texel)
         area += np.outer(below, along[0] - along[1])  # counter-clockwise: the lower edges, which run to +x, subtract
-    return area[::-1] / texel**2
+    area /= texel**2
+    return whole[::-1]
+
+
+def _span(low: float, high: float, side: float, texels: int) -> slice:
+    """The texels that lie between two places [m], and one more on either side."""
+    first, last = ((place / side + 0.5) * texels for place in (low, high))
+    return slice(max(int(first) - 1, 0), min(int(last) + 2, texels))
 
 
 def disc_coverage(x: float, y: float, radius: float, side: float, texels: int) -> Floats:
@@ -47,7 +57,9 @@ def disc_coverage(x: float, y: float, radius: float, side: float, texels: int) -
     The edge is taken as straight within a texel: wrong by texel / (8 radius) of one at most.
     """
     centres = ((np.arange(texels) + 0.5) / texels - 0.5) * side
-    east, north = centres[None, :] - x, centres[::-1, None] - y
+    columns_near, rows_near = (_span(at - radius, at + radius, side, texels) for at in (x, y))
+    whole = np.zeros((texels, texels))
+    east, north = centres[None, columns_near] - x, centres[rows_near, None] - y
     away = np.hypot(east, north)
     share = (away < radius).astype(float)
     rim = np.abs(away - radius) < side / texels
@@ -58,7 +70,8 @@ def disc_coverage(x: float, y: float, radius: float, side: float, texels: int) -
     long, short = along.max(axis=0), np.maximum(along.min(axis=0), 1e-9)
     ramp = [np.maximum(inward + sign * 0.5 * long + other * 0.5 * short, 0.0) ** 2 for sign, other in _CORNERS]
     share[rim] = np.clip((ramp[0] - ramp[1] - ramp[2] + ramp[3]) / (2.0 * long * short), 0.0, 1.0)
-    return share
+    whole[rows_near, columns_near] = share
+    return whole[::-1]
 
 
 _CORNERS = ((1, 1), (1, -1), (-1, 1), (-1, -1))

@@ -7,8 +7,9 @@ from estimators.vision.flow import KeyFrameFlowEye
 from estimators.vision.h_mark import HMarkFrontEnd
 from estimators.vision.horizon import HorizonFrontEnd
 from estimators.vision.integer_flow import IntegerFlowEye
+from estimators.vision.ring_mark import RingFrontEnd
 from flightlog.equipment import Equipment
-from flightlog.marks import HMark
+from flightlog.marks import RingMark
 
 Variant = Literal["helideck", "published"]
 
@@ -16,8 +17,10 @@ Variant = Literal["helideck", "published"]
 def pad_eye(equipment: Equipment, variant: Variant) -> FrontEnd | None:
     """What looks for the mark in the down camera's pictures; None without mark or camera."""
     down, mark = equipment.cameras.get("down"), equipment.mark
-    if down is None or not isinstance(mark, HMark):
+    if down is None or mark is None:
         return None
+    if isinstance(mark, RingMark):
+        return RingFrontEnd(down.model, down.mount, mark)
     return HMarkFrontEnd(down.model, down.mount, mark)
 
 
