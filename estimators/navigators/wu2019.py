@@ -27,9 +27,12 @@ def look(equipment: Equipment, variant: Variant) -> Eyes:
         return Eyes(horizons=horizons)
     if not isinstance(mark, RingMark):
         raise UserError('pad: the navigator "wu2019" as published reads the ring landmark alone; pad = "ring" would do')
-    return Eyes(pad=WuFrontEnd(down.model, down.mount, mark), horizons=horizons)
+    return Eyes(pad=WuFrontEnd(down.model, down.mount, mark, exact=True), horizons=horizons)
 
 
 def build(equipment: Equipment, eyes: Eyes, variant: Variant) -> Navigator:
-    """As published, the paper's filter; else Helideck's navigator with its front end for the ring."""
-    return Own(equipment, eyes) if variant == "helideck" else WuNavigator(equipment, eyes)
+    """As published, the paper's filter; else Helideck's navigator with its front end for the ring.
+
+    The attitude is used, which the paper takes for level: level, its own figures are out of reach (docs/papers.md).
+    """
+    return Own(equipment, eyes) if variant == "helideck" else WuNavigator(equipment, eyes, exact=True)

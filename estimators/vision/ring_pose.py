@@ -7,6 +7,7 @@ in the same direction from the centre.
 """
 
 import math
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -43,7 +44,6 @@ class RingPoseFrontEnd:
         """roi: look only where the prediction has the mark, and everywhere if it is not there."""
         self.camera, self.mount, self.mark, self.roi = camera, mount, mark, roi
         self._corners = np.column_stack([mark.t_corners(), np.zeros(16)])
-        self._radius = mark.rings[0][1]
         self._reach = float(np.hypot(*mark.t_corners().T).max())
         self._upright = level_axes(UPRIGHT, mount)
 
@@ -74,8 +74,9 @@ class RingPoseFrontEnd:
         found = np.isfinite(corners[:, 0])
         if edge is None or found.sum() < 4:
             return None
-        poses = self._poses(self._corners[found], corners[found], edge, level)
-        return None if not poses else self._sighting(poses[0], found, corners[found], edge, level, source)
+        points = _Points(self._corners[found], corners[found], edge, features.radius)
+        poses = self._poses(points, level)
+        return None if not poses else self._sighting(poses[0], points, level, source)
 
     def _refined(self, grey: Image, corner: tuple[int, int], features: RingFeatures) -> Floats:
         """The Ts' corners (16, 2) [px] to a fraction of a pixel; NaN where not found."""
@@ -102,14 +103,14 @@ class RingPoseFrontEnd:
             return None
         return np.asarray((points + offsets[:, None] * normals)[seen] + corner)
 
-    def _poses(self, model: Floats, corners: Floats, edge: Floats, level: LevelAxes) -> list[PointPose]:
-        """Poses from corners (N, 3) [m] seen at (N, 2) [px] and edge points (M, 2) [px], the likeliest first."""
-        corner_rays, edge_rays = self.camera.rays(corners), self.camera.rays(edge)
+    def _poses(self, seen: "_Points", level: LevelAxes) -> list[PointPose]:
+        """Poses that fit the points, the likeliest first."""
+        corner_rays, edge_rays = self.camera.rays(seen.corners), self.camera.rays(seen.edge)
         rays = np.vstack([corner_rays, edge_rays])
         found = []
-        for pose in lhm.solve(model, corner_rays):
+        for pose in lhm.solve(seen.model, corner_rays):
             for _ in range(PASSES):
-                points = np.vstack([model, self._on_ring(edge_rays, pose)])
+                points = np.vstack([seen.model, _on_ring(edge_rays, seen.radius, pose)])
                 sums = lhm.gather(points, rays)
                 rotation, rounds = lhm.iterate(sums, pose.rotation, settled=1e-7)
                 pose = PointPose(rotation, lhm.translation(sums, rotation), float(lhm.error(sums, rotation)), rounds)
@@ -120,29 +121,19 @@ class RingPoseFrontEnd:
             found.sort(key=lambda pose: -float(pose.rotation[:, 2] @ level.up))
         return found
 
-    def _on_ring(self, rays: Floats, pose: PointPose) -> Floats:
-        """Where on the outermost ring (N, 3) [m] the points seen along rays (N, 3) should be."""
-        normal = pose.rotation[:, 2]
-        hit = rays * (pose.translation @ normal / (rays @ normal))[:, None]
-        flat = (hit - pose.translation) @ pose.rotation[:, :2]
-        flat *= self._radius / np.linalg.norm(flat, axis=1)[:, None]
-        return np.column_stack([flat, np.zeros(len(flat))])
-
-    def _sighting(
-        self, pose: PointPose, found: NDArray[np.bool_], corners: Floats, edge: Floats, level: LevelAxes, source: str
-    ) -> PadSighting | None:
+    def _sighting(self, pose: PointPose, seen: "_Points", level: LevelAxes, source: str) -> PadSighting | None:
         position, normal = pose.translation, pose.rotation[:, 2]
-        model = np.vstack([self._corners[found], self._on_ring(self.camera.rays(edge), pose)])
+        model = np.vstack([seen.model, _on_ring(self.camera.rays(seen.edge), seen.radius, pose)])
         shown = self.camera.project(model @ pose.rotation.T + position)
-        missed = shown - np.vstack([corners, edge])
-        count = len(corners)
+        missed = shown - np.vstack([seen.corners, seen.edge])
+        count = len(seen.corners)
         of_corners = math.sqrt(float(np.sum(missed[:count] ** 2)) / (2 * count))
         of_edge = math.sqrt(float(np.mean(np.sum(missed[count:] ** 2, axis=1))))
         residual = math.sqrt(float(np.mean(np.sum(missed**2, axis=1))))
         if residual > RAGGED:
             return None
         # a ring's edge is known across itself only, so it counts for half
-        std = np.repeat([max(LEAST_STD, of_corners), math.sqrt(2.0) * max(LEAST_STD, of_edge)], [count, len(edge)])
+        std = np.repeat([max(LEAST_STD, of_corners), math.sqrt(2.0) * max(LEAST_STD, of_edge)], [count, len(seen.edge)])
         six = lhm.covariance(model, pose, std / math.sqrt(self.camera.fx * self.camera.fy))
         axis = pose.rotation[:, 1]
         angle = math.atan2(axis @ level.right, axis @ level.forward)
@@ -166,3 +157,22 @@ class RingPoseFrontEnd:
             residual=residual,
             contrast=math.nan,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class _Points:
+    """What the pose is found from."""
+
+    model: Floats  # (N, 3) [m] corners of the Ts
+    corners: Floats  # (N, 2) [px] where they are seen
+    edge: Floats  # (M, 2) [px] points on a ring's outer edge
+    radius: float  # [m] of that
+
+
+def _on_ring(rays: Floats, radius: float, pose: PointPose) -> Floats:
+    """Where on a ring of `radius` [m] the points (N, 3) seen along rays (N, 3) should be."""
+    normal = pose.rotation[:, 2]
+    hit = rays * (pose.translation @ normal / (rays @ normal))[:, None]
+    flat = (hit - pose.translation) @ pose.rotation[:, :2]
+    flat *= radius / np.linalg.norm(flat, axis=1)[:, None]
+    return np.column_stack([flat, np.zeros(len(flat))])

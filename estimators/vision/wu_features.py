@@ -28,7 +28,7 @@ CANNY = (50.0, 150.0)  # on a binary picture any pair will do
 ROUND = 0.035  # RMS distance from a circle over its radius; a tilt of 10 deg makes 0.01
 WIDEST_GAP = math.radians(40.0)  # a contour open any wider is no ring
 CONCENTRIC = 0.08  # of the radius; seen 10 deg tilted, a smaller ring's centre is off by less
-SAME_RATIO = 0.025  # of two radii
+SAME_RATIO = 0.022  # of two radii
 HARRIS_BLOCK, HARRIS_APERTURE, HARRIS_K = 3, 3, 0.04
 HARRIS_SHARE = 0.1  # of the strongest response
 CORNER_REACH = 0.06  # of the ring's diameter: a corner farther from where it should be is another
@@ -40,8 +40,9 @@ BORDER = 5  # [px]
 class RingFeatures:
     """What was found in one picture."""
 
-    contour: Floats  # (N, 2) [px] outer edge of the outermost ring
+    contour: Floats  # (N, 2) [px] outer edge of the outermost ring that is wholly in the picture
     circle: Circle  # the same on the pad's plane, per unit of height
+    radius: float  # [m] its true radius
     corners: Floats  # (16, 2) [px] of the Ts in the order of `RingMark.t_corners`; NaN where not found
     angle: float  # [rad] of the mark's axis, clockwise from forward, as the corners were matched; NaN without
 
@@ -55,11 +56,14 @@ def prepare(grey: Image) -> Image:
     return np.asarray(cv2.morphologyEx(opened, cv2.MORPH_CLOSE, cross), np.uint8)
 
 
-def find_ring(binary: Image, to_plane: ToPlane, mark: RingMark) -> tuple[Floats, Circle] | None:
-    """Contour (N, 2) [px] of the outermost ring's outer edge and its circle on the plane; None where there is none."""
+def find_ring(binary: Image, to_plane: ToPlane, mark: RingMark) -> tuple[Floats, Circle, float] | None:
+    """The outermost ring that is wholly in the picture; None where there is none.
+
+    Returns the contour (N, 2) [px] of its outer edge, the circle through it on the plane and its true radius [m].
+    """
     edges = cv2.Canny(binary, *CANNY)
     contours, _ = cv2.findContours(edges, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-    circles = []
+    circles: list[tuple[Circle, Floats, bool]] = []
     for contour in contours:
         if len(contour) < LEAST_POINTS:
             continue
@@ -69,20 +73,42 @@ def find_ring(binary: Image, to_plane: ToPlane, mark: RingMark) -> tuple[Floats,
         pixels = contour.reshape(-1, 2).astype(float)
         circle = _circle(to_plane(pixels))
         if circle is not None:
-            circles.append((circle, pixels))
+            circles.append((circle, pixels, _bright_within(binary, pixels)))
     circles.sort(key=lambda found: -found[0].radius)
-    outer = mark.rings[0][1]
-    within = np.array([mark.rings[0][0], mark.rings[1][1], mark.rings[1][0]]) / outer
-    for circle, pixels in circles:
-        ratios = np.array([
-            other.radius / circle.radius for other, _ in circles
-            if np.linalg.norm(other.centre - circle.centre) < CONCENTRIC * circle.radius
-        ])  # fmt: skip
-        # an edge of another ring has these ratios to its neighbours by chance once, not twice
-        met = np.any(np.abs(ratios[:, None] - within) < SAME_RATIO, axis=0)
-        if met.sum() >= 2:
-            return pixels, circle
+    radii, bright = _edges(mark)
+    for circle, pixels, is_bright in circles:
+        if not is_bright:
+            continue
+        within = [
+            other.radius / circle.radius for other, _, other_bright in circles
+            if not other_bright and np.linalg.norm(other.centre - circle.centre) < CONCENTRIC * circle.radius
+        ]  # fmt: skip
+        # the next circle inward tells which ring it is: no two rings have that ratio in common
+        for i in np.flatnonzero(bright[:-1]):
+            ratio = radii[i + 1] / radii[i]
+            if any(abs(seen - ratio) < SAME_RATIO * ratio for seen in within):
+                return pixels, circle, float(radii[i])
     return None
+
+
+def _edges(mark: RingMark) -> tuple[Floats, NDArray[np.bool_]]:
+    """Radii (N,) [m] of all circular edges, outermost first, and whether it is bright within (N,)."""
+    outer, middle, inner = mark.rings
+    radii = [outer[1], outer[0], middle[1], middle[0], mark.grid_radius, mark.well_radius, inner[1], inner[0]]
+    return np.array(radii), np.arange(len(radii)) % 2 == 0
+
+
+def _bright_within(binary: Image, pixels: Floats) -> bool:
+    """Whether a closed contour (N, 2) [px] has white to its inside and black to its outside."""
+    middle = 0.5 * (pixels.min(axis=0) + pixels.max(axis=0))
+    arms = pixels[:: max(1, len(pixels) // 64)] - middle
+    reach = np.maximum(np.linalg.norm(arms, axis=1)[:, None], 1.0)
+    limit = np.array(binary.shape[::-1]) - 1
+    inner, outer = (
+        np.clip(np.rint(middle + arms * (1.0 + side * np.maximum(2.5 / reach, 0.04))), 0, limit).astype(int)
+        for side in (-1.0, 1.0)
+    )
+    return bool(binary[inner[:, 1], inner[:, 0]].mean() > binary[outer[:, 1], outer[:, 0]].mean())
 
 
 def _circle(plane: Floats) -> Circle | None:
@@ -105,14 +131,15 @@ def harris_corners(image: Image) -> Floats:
     return np.column_stack([columns, rows]).astype(float)
 
 
-def order_corners(plane: Floats, circle: Circle, mark: RingMark) -> tuple[NDArray[np.intp], float]:
+def order_corners(plane: Floats, circle: Circle, radius: float, mark: RingMark) -> tuple[NDArray[np.intp], float]:
     """Which of the corners (N, 2) on the plane is which of the Ts', and the angle [rad] of the mark's axis.
 
+    circle: of `radius` [m] in truth.
     The answer (16,) goes clockwise about the ring's centre as `RingMark.t_corners` does; -1 and NaN where not found.
     """
     model = mark.t_corners()
     nothing = np.full(len(model), -1, dtype=np.intp), math.nan
-    seen = (plane - circle.centre) * (mark.rings[0][1] / circle.radius)  # [m]
+    seen = (plane - circle.centre) * (radius / circle.radius)  # [m]
     reach = CORNER_REACH * mark.size
     away, should = np.hypot(*seen.T), np.hypot(*model.T)
     near = np.abs(away[:, None] - should) < reach
@@ -147,11 +174,11 @@ def find_features(grey: Image, corner: tuple[int, int], to_plane: ToPlane, mark:
     ring = find_ring(binary, lambda pixels: to_plane(pixels + shift), mark)
     if ring is None:
         return None
-    contour, circle = ring
+    contour, circle, radius = ring
     corners = np.full((len(mark.t_corners()), 2), np.nan)
     angle = math.nan
     # the Ts' farthest corner over the ring's radius; a square box holds it whatever the heading
-    reach = 1.15 * float(np.hypot(*mark.t_corners().T).max()) / mark.rings[0][1]
+    reach = 1.15 * float(np.hypot(*mark.t_corners().T).max()) / radius
     middle, half = contour.mean(axis=0), 0.5 * np.ptp(contour, axis=0) * reach + 4.0
     x0, y0 = np.maximum(np.floor(middle - half), 0).astype(int)
     x1, y1 = np.ceil(middle + half).astype(int) + 1
@@ -162,6 +189,6 @@ def find_features(grey: Image, corner: tuple[int, int], to_plane: ToPlane, mark:
     if len(found):
         plane = to_plane(found)
         sound = np.all(np.isfinite(plane), axis=1)
-        which, angle = order_corners(plane[sound], circle, mark)
+        which, angle = order_corners(plane[sound], circle, radius, mark)
         corners[which >= 0] = found[sound][which[which >= 0]]
-    return RingFeatures(contour + shift, circle, corners, angle)
+    return RingFeatures(contour + shift, circle, radius, corners, angle)

@@ -6,8 +6,8 @@ the same equations hold. With u, v on the level plane one unit below the camera 
     h = |P1 P2| / |I1 I2|                       (eq 5)  P1, P2 the two corners farthest apart of those found
     Tx = h (u - u0)/ax,  Ty = h (v - v0)/ay     (eq 6)  of the centre of the circle through the outermost ring's contour
 
-and the heading is that of the Ts' corners about the ring's centre. Where the Ts have left the picture the ring's
-diameter takes the place of P1 P2, and there is no heading.
+and the heading is that of the Ts' corners about the ring's centre. Where the Ts have left the picture the diameter of
+the outermost ring in it takes the place of P1 P2, and there is no heading.
 """
 
 import math
@@ -46,7 +46,7 @@ class WuFrontEnd:
         self._reach = float(np.hypot(*self._corners.T).max())
 
     def see(self, image: Image, attitude: Floats, prediction: PadPrediction | None = None) -> PadSighting | None:
-        """The mark in a picture (H, W) uint8, or (H, W, 3) RGB which is made grey; None unless the whole ring is seen.
+        """The mark in a picture (H, W) uint8, or (H, W, 3) RGB which is made grey; None unless a whole ring is seen.
 
         The angle is NaN where fewer than six of the Ts' corners are found.
         """
@@ -68,7 +68,7 @@ class WuFrontEnd:
         circle = features.circle
         plane = on_pad_plane(features.corners, self.camera, level)
         found = np.isfinite(plane[:, 0])
-        angle, length, apart = math.nan, 2.0 * self.mark.rings[0][1], 2.0 * circle.radius
+        angle, length, apart = math.nan, 2.0 * features.radius, 2.0 * circle.radius
         std_length = CONTOUR_STD
         if found.any():
             model, seen = self._corners[found], plane[found] - circle.centre
