@@ -21,6 +21,8 @@ def pad_eye(equipment: Equipment, variant: Variant) -> FrontEnd | None:
         return None
     if isinstance(mark, RingMark):
         return RingFrontEnd(down.model, down.mount, mark)
+    if variant == "published":
+        return LeiFrontEnd(down.model, down.mount, mark)
     return HMarkFrontEnd(down.model, down.mount, mark)
 
 
