@@ -7,6 +7,7 @@ from estimators.vision.flow import KeyFrameFlowEye
 from estimators.vision.h_mark import HMarkFrontEnd
 from estimators.vision.horizon import HorizonFrontEnd
 from estimators.vision.integer_flow import IntegerFlowEye
+from estimators.vision.lei_mark import LeiFrontEnd
 from estimators.vision.ring_mark import RingFrontEnd
 from flightlog.equipment import Equipment
 from flightlog.marks import RingMark

@@ -37,8 +37,8 @@ def _box(x0: float, y0: float, x1: float, y1: float) -> list[tuple[float, float]
 def others() -> dict[str, ShapeTemplate]:
     """Templates of what is not an H: square, disc, plus, T, I. A window is a square once its contour is filled.
 
-    An I with bars is an H on its side: but for its proportions, which the smallest blur changes, an affine map makes one
-    of the other.
+    An I with bars is an H on its side: but for its proportions, which a little blur changes, an affine map makes one of
+    the other.
     """
     turn = np.linspace(0.0, 2.0 * math.pi, 120, endpoint=False)
     shapes = {
