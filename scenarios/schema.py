@@ -10,7 +10,7 @@ from flightlog.toml_file import nearest
 from flightlog.topics import MEASURED
 from sim.light import Light
 from sim.sensors import CATALOGUE as SENSORS
-from sim.weather import Weather
+from sim.weather import Turbulence, Weather
 
 
 class Strict(BaseModel):
@@ -34,6 +34,7 @@ def _known_navigator(name: str) -> str:
     return name
 
 
+LEAST_CARRYING = 1.0  # [m/s]
 LEAST_HEIGHT = 0.3  # [m] of the body origin: the skids are free of the ground
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Point = Annotated[Vector3, AfterValidator(_in_the_air)]
@@ -64,9 +65,19 @@ class WeatherTable(Strict):
 
     wind_m_s: float = Field(default=1.5, ge=0, le=25)
     wind_from_deg: Degrees = 250.0
-    turbulence: Literal["none", "dryden"] = "dryden"
+    # dryden: as strong as belongs to the mean wind; the classes of MIL-F-8785C: as in 15, 30 and 45 knots of it
+    turbulence: Turbulence = "dryden"
     temperature_degC: float = Field(default=15.0, ge=-40, le=55)
     pressure_hPa: float = Field(default=1013.25, ge=500, le=1100)
+
+    @model_validator(mode="after")
+    def _carried(self) -> "WeatherTable":
+        if self.turbulence not in ("none", "dryden") and self.wind_m_s < LEAST_CARRYING:
+            raise ValueError(
+                f'turbulence = "{self.turbulence}" needs a mean wind that carries it past: wind_m_s at least '
+                f"{LEAST_CARRYING:g} (got {self.wind_m_s:g})"
+            )
+        return self
 
     def weather(self) -> Weather:
         """In SI."""

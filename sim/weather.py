@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+Turbulence = Literal["none", "dryden", "light", "moderate", "severe"]
+
 
 @dataclass(frozen=True)
 class Weather:
@@ -10,6 +12,6 @@ class Weather:
 
     wind: float = 1.5  # [m/s] mean, 10 m above the ground
     wind_from: float = 4.36  # [rad] clockwise from north
-    turbulence: Literal["none", "dryden"] = "dryden"
+    turbulence: Turbulence = "dryden"  # dryden: as strong as belongs to the mean wind
     temperature: float = 288.15  # [K] at the pad
     pressure: float = 101_325.0  # [Pa] at the pad

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sim.weather import Weather
 from sim.wind import dryden
 from sim.wind.gust import Gust, shape
-from sim.wind.mean import mean_speed
+from sim.wind.mean import FOOT, mean_speed
 
 __all__ = ["Gust", "Wind"]
 
@@ -21,14 +21,14 @@ _BLOCK = 1024  # steps' worth of normals drawn at once
 
 @numba.njit(
     "void(float64[::1], float64[::1], float64[:, ::1], float64, float64, float64, float64, float64, float64, float64,"
-    " float64[::1])",
+    " float64, float64[::1])",
     cache=True,
 )
-def _air(x, normals, gusts, speed, wind_from, scale, height, airspeed, dt, t, air):  # type: ignore[no-untyped-def]
+def _air(x, normals, gusts, speed, stirring, wind_from, scale, height, airspeed, dt, t, air):  # type: ignore[no-untyped-def]
     """Step the turbulence and write the air's velocity (3,) [m/s] ENU into `air`."""
     along, left, up = 0.0, 0.0, 0.0
     if scale > 0.0:
-        along, left, up = dryden.step(x, normals, height, speed, airspeed, dt)
+        along, left, up = dryden.step(x, normals, height, stirring, airspeed, dt)
     along = scale * along + mean_speed(height, speed)
     left *= scale
     east, north = -math.sin(wind_from), -math.cos(wind_from)
@@ -49,7 +49,11 @@ class Wind:
         """Turbulence of `weather` times `turbulence_scale`, drawn from `generator`."""
         self.speed = weather.wind  # [m/s] mean at 10 m
         self.wind_from = weather.wind_from  # [rad] clockwise from north
-        self.scale = turbulence_scale if weather.turbulence == "dryden" else 0.0
+        self.scale = 0.0 if weather.turbulence == "none" else turbulence_scale
+        # mean wind at 10 m [m/s] that a class's strength belongs to; None: the wind that blows
+        self._stirring: float | None = None
+        if weather.turbulence in dryden.CLASSES:
+            self._stirring = dryden.CLASSES[weather.turbulence] / mean_speed(20.0 * FOOT, 1.0)
         self._gusts: Floats = np.empty((0, 5))
         self._generator = generator
         self._normals: Floats = np.empty((0, dryden.NORMALS))
@@ -61,7 +65,7 @@ class Wind:
     def set_mean(self, speed: float, wind_from: float) -> None:
         """Change the mean wind at 10 m [m/s] and where it comes from [rad, clockwise from north].
 
-        The turbulence takes the strength that belongs to it.
+        Turbulence of the kind "dryden" takes the strength that belongs to it, that of a class keeps its own.
         """
         self.speed, self.wind_from = speed, wind_from
 
@@ -86,7 +90,7 @@ class Wind:
         normals = self._normals[self._next]
         self._next += 1
         _air(
-            self._state, normals, self._gusts, self.speed, self.wind_from, self.scale, height, airspeed, dt, t,
-            self._velocity,
+            self._state, normals, self._gusts, self.speed, self.speed if self._stirring is None else self._stirring,
+            self.wind_from, self.scale, height, airspeed, dt, t, self._velocity,
         )  # fmt: skip
         return self._velocity

@@ -22,6 +22,8 @@ import numba
 
 from sim.wind.mean import FOOT, mean_speed
 
+# W_20 [m/s] of the classes of intensity (15, 30 and 45 knots, figure 10 and section 3.7.3.4)
+CLASSES = {"light": 15.0 * 1852.0 / 3600.0, "moderate": 30.0 * 1852.0 / 3600.0, "severe": 45.0 * 1852.0 / 3600.0}
 STATES = 5  # u; x1, x2 of v; x1, x2 of w
 NORMALS = 5  # a step takes
 _ROOT3 = math.sqrt(3.0)
@@ -74,8 +76,8 @@ def start(x, normals):  # type: ignore[no-untyped-def]
 def step(x, normals, height, speed, airspeed, dt):  # type: ignore[no-untyped-def]
     """Turbulence (u, v, w) [m/s] along the mean wind, to its left, up; the states x (STATES,) in place.
 
-    normals (NORMALS,): standard normals. height [m] above the ground; speed [m/s] mean wind at 10 m; airspeed [m/s]
-    relative to the moving air mass; dt [s].
+    normals (NORMALS,): standard normals. height [m] above the ground; speed [m/s] mean wind at 10 m that the strength
+    belongs to; airspeed [m/s] relative to the moving air mass; dt [s].
     """
     long, short = lengths(height)
     d = airspeed * dt / long

@@ -199,3 +199,25 @@ def test_the_same_generator_gives_the_same_air():
 
     np.testing.assert_array_equal(fly(7), fly(7))
     assert not np.array_equal(fly(7), fly(8))
+
+
+@pytest.mark.parametrize(("name", "knots"), [("light", 15.0), ("moderate", 30.0), ("severe", 45.0)])
+def test_a_class_is_as_strong_as_in_its_own_wind_whatever_blows(name, knots):
+    """Standard deviations over a flight's time, against the specification at W_20 = 15, 30, 45 knots."""
+    w20 = knots * 1852.0 / 3600.0
+    speed = w20 / (math.log(20.0 / 0.15) / math.log(10.0 / 0.3048 / 0.15))
+    sigma, length = specification(10.0, speed)
+    wind = Wind(Weather(wind=4.0, wind_from=math.radians(270.0), turbulence=name), np.random.default_rng(1))
+    dt = 2.0  # far below the longest L/V of 17 s
+    air = np.array([wind.step(10.0, 4.0, dt, dt * k).copy() for k in range(40_000)])
+    along, left, up = (air - wind.mean(10.0)).T
+    # 80,000 s hold 2,400 independent spans of 2 L/V: 1.5 % either way
+    np.testing.assert_allclose([along.std(), left.std(), up.std()], sigma, rtol=0.06)
+
+
+def test_a_class_keeps_its_strength_when_the_wind_changes():
+    weak, strong = (Wind(Weather(wind=4.0, turbulence="moderate"), np.random.default_rng(2)) for _ in range(2))
+    strong.set_mean(9.0, 0.0)
+    weak.set_mean(4.0, 0.0)
+    one, other = weak.step(10.0, 4.0, 0.01, 0.01) - weak.mean(10.0), strong.step(10.0, 4.0, 0.01, 0.01)
+    np.testing.assert_allclose(one, other - strong.mean(10.0), atol=1e-12)
