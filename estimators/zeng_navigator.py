@@ -48,6 +48,7 @@ class ZengNavigator:
         self._rates: deque[tuple[float, Floats]] = deque(maxlen=MEMORY)
         self._time = -math.inf  # [s] of the last inertial sample
         self._seen = -math.inf  # [s] arrival of the last flow
+        self._last: FlowSample | None = None
         self._detections: list[FlowSample] = []
         self._refused: Counter[str] = Counter()
         self._height = self._heading = math.nan
@@ -105,8 +106,15 @@ class ZengNavigator:
         self._ground.step(acceleration, dt)
         self.inertial.step(acceleration, dt)
 
+    def _since_last(self, s: FlowSample) -> FlowSample:
+        """Flow since a key frame, as a log may hold it, taken as flow since the sample before."""
+        last, self._last = self._last, s
+        if last is None or not last.t > s.t - s.dt + 1e-6 or abs((s.t - s.dt) - (last.t - last.dt)) > 1e-6:
+            return s
+        return s._replace(dt=s.t - last.t, u=s.u - last.u, v=s.v - last.v)
+
     def _take_flow(self, s: FlowSample) -> None:
-        camera = self._camera
+        camera, s = self._camera, self._since_last(s)
         if camera is None or self._attitude is None:
             return
         turning = [w for t, w in self._rates if s.t - s.dt < t <= s.t]

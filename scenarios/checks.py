@@ -11,6 +11,7 @@ from sim.cameras.optics import pinhole_behind
 from sim.cameras.rendering import SLOTS
 from sim.schedule import period_in_ticks
 from sim.vehicle import Vehicle
+from sim.world import EYES
 
 CAMERAS = ("down", "forward_a", "forward_b")
 
@@ -58,10 +59,11 @@ def _check_sensors(scenario: Scenario, vehicle: Vehicle) -> None:
         if table.model_fields_set and topic not in vehicle.sensors:
             raise UserError(f"sensors.{topic}: this vehicle has no such sensor; {nearest(topic, vehicle.sensors)}")
         rate = getattr(table, "rate_hz", None)
-        if topic == "pad" and {"rate_hz", "latency_s"} & table.model_fields_set:
-            raise UserError("sensors.pad: rate and latency are the down camera's: set cameras.down.rate_hz, latency_s")
+        if topic in EYES and {"rate_hz", "latency_s"} & table.model_fields_set:
+            text = "rate and latency are the down camera's: set cameras.down.rate_hz, latency_s"
+            raise UserError(f"sensors.{topic}: {text}")
         if topic in vehicle.sensors:
-            fitted = vehicle.sensors[topic].numbers["rate"] if topic != "pad" else 1.0
+            fitted = vehicle.sensors[topic].numbers["rate"] if topic not in EYES else 1.0
             _divides(fitted if rate is None else rate, f"sensors.{topic}.rate_hz")
 
 
@@ -74,9 +76,16 @@ def _check_events(scenario: Scenario, vehicle: Vehicle, cameras: Mapping[str, Ca
             raise UserError(
                 f"events.{number}.sensor: this vehicle has no {event.sensor!r}; {nearest(event.sensor, devices)}"
             )
-        if isinstance(event, FaultEvent) and event.sensor == "pad" and rendered:
+        eye = "flow" if scenario.pad == "none" else "pad"
+        if isinstance(event, FaultEvent) and event.sensor in EYES and event.sensor != eye:
             raise UserError(
-                f"events.{number}: faults of the pad's sightings need flights without cameras, where an error model "
+                f"events.{number}.sensor: {event.sensor} is not there with pad = {scenario.pad!r}: the down camera "
+                f"looks for the mark, or without one at the ground; {eye!r} would be right"
+            )
+        if isinstance(event, FaultEvent) and event.sensor in EYES and rendered:
+            what = "the pad's sightings" if event.sensor == "pad" else "the flow"
+            raise UserError(
+                f"events.{number}: faults of {what} need flights without cameras, where an error model "
                 "makes them; [cameras.down] and events of kind light or dropout disturb the pictures themselves"
             )
 

@@ -21,7 +21,7 @@ from sim.sensors.faults import column_fault
 from sim.world import World
 
 # the mark is seen by the down camera, or by the error model in its place: one goes with the other
-_TWINS = {"down": ("down", "pad"), "pad": ("down", "pad")}
+_TWINS = dict.fromkeys(("down", "pad", "flow"), ("down", "pad", "flow"))
 
 
 def sensor_numbers(topic: str, keys: dict[str, Any]) -> dict[str, float]:

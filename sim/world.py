@@ -35,6 +35,7 @@ from sim.schedule import TICK, InTransit, Schedule
 from sim.sensors.barometer import Barometer
 from sim.sensors.contract import Sensor, Truth
 from sim.sensors.faults import Fault
+from sim.sensors.flow_camera import FlowCamera
 from sim.sensors.pad_camera import PadCamera
 from sim.terms.contract import GEOMETRY, SIGNALS, Term
 from sim.vehicle import Vehicle
@@ -45,6 +46,7 @@ Floats = NDArray[np.float64]
 
 TICKS_PER_STEP = 2  # the loop turns at 250 Hz, the rate of the IMU
 STEP = TICKS_PER_STEP * TICK  # [s]
+EYES = ("pad", "flow")  # what the down camera's front ends say where no picture is rendered
 MAGNETIC_FIELD = np.array([0.0, 22.0, -42.0])  # [uT] ENU: middle latitudes, declination taken out
 
 
@@ -88,8 +90,8 @@ class World:
         """Compile the scene, find the trim and stand ready at t = 0.
 
         sensor_numbers: by topic, what a scenario changes of the sensors as fitted; cameras: those that fly, where
-        they are not the vehicle's own. eyes: opens the cameras on the compiled scene; None flies on the pad camera's
-        error model instead.
+        they are not the vehicle's own. eyes: opens the cameras on the compiled scene; None flies on the error
+        models of what would look at the down camera's pictures instead.
         """
         self.vehicle = vehicle
         self.weather = weather or Weather()
@@ -323,15 +325,19 @@ class World:
         for topic, fitted in self.vehicle.sensors.items():
             numbers = {**fitted.numbers, **changed.get(topic, {})}
             device = generator(seeds, topic)
-            if topic != "pad":
+            if topic not in EYES:
                 self._sensors[topic] = sensors.CATALOGUE[topic](numbers, fitted.position, self.site, device)
-            elif mark is not None and not rendered and "down" in self.cameras:
-                camera = self.cameras["down"]
-                numbers |= {"rate": camera.rate, "latency": camera.latency}
-                self._sensors[topic] = PadCamera(
-                    numbers, camera.mount.position, self.site, device,
-                    camera=camera.model, mount=camera.mount, mark=mark,
-                )  # fmt: skip
+                continue
+            # without a mark to look for the down camera watches the ground move
+            if rendered or "down" not in self.cameras or topic != ("flow" if mark is None else "pad"):
+                continue
+            camera = self.cameras["down"]
+            numbers |= {"rate": camera.rate, "latency": camera.latency}
+            args = numbers, camera.mount.position, self.site, device
+            if mark is None:
+                self._sensors[topic] = FlowCamera(*args, camera=camera.model, mount=camera.mount)
+            else:
+                self._sensors[topic] = PadCamera(*args, camera=camera.model, mount=camera.mount, mark=mark)
         rates = {topic: sensor.numbers["rate"] for topic, sensor in self._sensors.items()}
         if rendered:
             rates |= {name: camera.rate for name, camera in self.cameras.items()}

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from sim.sensors.barometer import Barometer
 from sim.sensors.contract import Sensor
+from sim.sensors.flow_camera import FlowCamera
 from sim.sensors.gps import Gps
 from sim.sensors.imu import Imu
 from sim.sensors.magnetometer import Magnetometer
@@ -12,5 +13,5 @@ from sim.sensors.sonar import Sonar
 from sim.sensors.tachometer import Tachometer
 
 CATALOGUE: Mapping[str, type[Sensor]] = {
-    sensor.topic: sensor for sensor in (Imu, Magnetometer, Barometer, Gps, Sonar, Tachometer, PadCamera)
+    sensor.topic: sensor for sensor in (Imu, Magnetometer, Barometer, Gps, Sonar, Tachometer, PadCamera, FlowCamera)
 }

@@ -66,10 +66,12 @@ class Bench:
         fitted = self.vehicle.sensors[topic]
         mount = fitted.position if position is None else np.array(position, float)
         options = {}
-        if topic == "pad":
+        if topic in ("pad", "flow"):
             camera = self.vehicle.cameras["down"]
             mount = camera.mount.position
-            options = {"camera": camera.model, "mount": camera.mount, "mark": HMark()}
+            options = {"camera": camera.model, "mount": camera.mount}
+            if topic == "pad":
+                options["mark"] = HMark()
         return kind({**numbers, **changed}, mount, self.site, np.random.default_rng(seed), **options)
 
     def run(self, sensor: Any, count: int, truth: Callable[[float], Truth] = make_truth) -> Iterator[Any]:
