@@ -206,7 +206,7 @@ def test_a_class_is_as_strong_as_in_its_own_wind_whatever_blows(name, knots):
     """Standard deviations over a flight's time, against the specification at W_20 = 15, 30, 45 knots."""
     w20 = knots * 1852.0 / 3600.0
     speed = w20 / (math.log(20.0 / 0.15) / math.log(10.0 / 0.3048 / 0.15))
-    sigma, length = specification(10.0, speed)
+    sigma, _ = specification(10.0, speed)
     wind = Wind(Weather(wind=4.0, wind_from=math.radians(270.0), turbulence=name), np.random.default_rng(1))
     dt = 2.0  # far below the longest L/V of 17 s
     air = np.array([wind.step(10.0, 4.0, dt, dt * k).copy() for k in range(40_000)])
