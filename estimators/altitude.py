@@ -182,7 +182,7 @@ class AltitudeFilter:
         self._agreed.append(miss if heard and abs(miss) <= gate else math.nan)
         self._misses.append(miss)
         if not self._believed:
-            self._believed = self._insists(gate) or self._convinces()
+            self._believed = self._insists(t, gate) or self._convinces()
         elif all(map(math.isnan, self._agreed)) and not self._insisted:
             self._believed = False
         if heard and self._believed and self.mode is Mode.NEAR:
@@ -194,10 +194,15 @@ class AltitudeFilter:
         agreed = [miss for miss in self._agreed if not math.isnan(miss)]
         return len(agreed) >= self.AGREEING and max(agreed) - min(agreed) <= self.TOGETHER
 
-    def _insists(self, gate: float) -> bool:
-        """Whether the last echoes agree with each other and not with the filter, which then has gone astray."""
+    def _insists(self, t: float, gate: float) -> bool:
+        """Whether the last echoes agree with each other and not with the filter, which then has gone astray.
+
+        Not while the GPS agrees with it: echoes from nowhere may agree with each other for seconds.
+        """
         misses = self._misses
         if len(misses) < self.INSISTING or not all(map(math.isfinite, misses)):
+            return False
+        if t - float(self.kalman.last["accepted"][TOPIC_GPS]) < self.SILENCE:
             return False
         mean = sum(misses) / len(misses)
         self._insisted = abs(mean) > gate and max(abs(miss - mean) for miss in misses) < 2.0 * self.TOGETHER

@@ -254,7 +254,7 @@ class Navigator:
 
     def _take_gps(self, s: GpsSample) -> None:
         device = self._gps
-        if device is None or not s.valid or not math.isfinite(s.t + s.e + s.n + s.u + s.ve + s.vn + s.vu):
+        if device is None or not s.valid or not math.isfinite(s.t + s.e + s.n + s.u):
             self._refuse("gps")
             return
         if self._waits(lambda: self._take_gps(s)):

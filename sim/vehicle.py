@@ -174,6 +174,11 @@ def load(name: str | Path, overrides: Mapping[str, Any] | None = None) -> Vehicl
     return _resolve(path, document, tuple(toml_file.VEHICLE + key for key in overrides))
 
 
+def from_document(document: Mapping[str, Any], source: Path | str) -> Vehicle:
+    """The vehicle of a file's content, such as a flight keeps; UserError, which names `source`, for any fault."""
+    return _resolve(Path(source), document)
+
+
 @functools.lru_cache(maxsize=32)
 def _as_written(path: Path, changed: int) -> Vehicle:
     """The file as it is; `changed` [ns] tells its versions apart."""
