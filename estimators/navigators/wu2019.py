@@ -4,11 +4,10 @@ from estimators.eyes import Eyes
 from estimators.navigator import Navigator as Own
 from estimators.navigators.contract import Navigator, Variant
 from estimators.vision.front_ends import horizon_eyes, pad_eye
-from estimators.vision.wu_mark import WuFrontEnd
 from estimators.wu_navigator import WuNavigator
 from flightlog.equipment import Equipment
 from flightlog.errors import UserError
-from flightlog.marks import RingMark
+from flightlog.marks import HMark
 
 NEEDS = ("imu", "rotor")
 
@@ -19,15 +18,9 @@ def look(equipment: Equipment, variant: Variant) -> Eyes:
     Raises:
         UserError: the published front end knows the ring landmark alone.
     """
-    horizons = horizon_eyes(equipment, variant)
-    if variant == "helideck":
-        return Eyes(pad=pad_eye(equipment, variant), horizons=horizons)
-    down, mark = equipment.cameras.get("down"), equipment.mark
-    if down is None or mark is None:
-        return Eyes(horizons=horizons)
-    if not isinstance(mark, RingMark):
+    if variant == "published" and isinstance(equipment.mark, HMark):
         raise UserError('pad: the navigator "wu2019" as published reads the ring landmark alone; pad = "ring" would do')
-    return Eyes(pad=WuFrontEnd(down.model, down.mount, mark, exact=True), horizons=horizons)
+    return Eyes(pad=pad_eye(equipment, variant), horizons=horizon_eyes(equipment, variant))
 
 
 def build(equipment: Equipment, eyes: Eyes, variant: Variant) -> Navigator:

@@ -9,6 +9,7 @@ from estimators.vision.horizon import HorizonFrontEnd
 from estimators.vision.integer_flow import IntegerFlowEye
 from estimators.vision.lei_mark import LeiFrontEnd
 from estimators.vision.ring_mark import RingFrontEnd
+from estimators.vision.wu_mark import WuFrontEnd
 from flightlog.equipment import Equipment
 from flightlog.marks import RingMark
 
@@ -21,6 +22,8 @@ def pad_eye(equipment: Equipment, variant: Variant) -> FrontEnd | None:
     if down is None or mark is None:
         return None
     if isinstance(mark, RingMark):
+        if variant == "published":
+            return WuFrontEnd(down.model, down.mount, mark, exact=True)
         return RingFrontEnd(down.model, down.mount, mark)
     if variant == "published":
         return LeiFrontEnd(down.model, down.mount, mark)
