@@ -3,6 +3,9 @@
 from collections.abc import Mapping
 
 from sim.terms import (
+    cg_offset,
+    deadband,
+    drag,
     engine,
     fins,
     flapping,
@@ -13,6 +16,7 @@ from sim.terms import (
     main_rotor,
     servo,
     tail_rotor,
+    vortex_ring,
 )
 from sim.terms.contract import Term
 
@@ -29,5 +33,9 @@ CATALOGUE: Mapping[str, Term] = {
         tail_rotor,
         fuselage,
         fins,
+        drag,
+        deadband,
+        vortex_ring,
+        cg_offset,
     )
 }

@@ -96,6 +96,7 @@ class Stage(IntEnum):
     THRUST = 5
     FLAPPING = 6
     WRENCH = 7  # -> force and moment
+    BALANCE = 8  # what needs the whole force
 
 
 @dataclass(frozen=True)

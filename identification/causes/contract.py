@@ -1,0 +1,58 @@
+"""What a candidate cause is: parameters, and what each of them does to the model or to the measurements."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.flight import Flight
+from sim.vehicle import Vehicle
+
+Floats = NDArray[np.float64]
+Where = Literal["plant", "sensor", "timing"]
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What one unit of a parameter adds to the measurements of one flight; None: nothing."""
+
+    scalars: Floats | None = None  # (M,) to every scalar measurement of the motion
+    force: Floats | None = None  # (N, 3) [m/s^2] to the inertial sensor's force, body axes
+    rate: Floats | None = None  # (N, 3) [rad/s] to its rate
+    rotor: Floats | None = None  # (N,) [rad/s] to the tachometer
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a cause.
+
+    `key`: the number of the vehicle file that the extended model changes: a knob of the model for a cause of the
+    plant, `sensors.<topic>.<name>` or the like for one of a sensor.
+    """
+
+    name: str
+    unit: str
+    key: str
+    spread: float  # one standard deviation of how large it may be, where the cause is at work
+    nominal: float = 0.0  # of a sensor's parameter; a knob knows its own
+    tolerance: str | None = None  # vehicle file's number that says how large it is where nothing is wrong
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One entry of the catalogue.
+
+    `changes(flight, vehicle)` gives one Change a parameter and is None where the model's own knobs do the work.
+    """
+
+    name: str
+    where: Where
+    parameters: tuple[Parameter, ...]
+    about: str
+    needs: tuple[str, ...] = ()  # topics beside those that every diagnosis needs
+    changes: Callable[[Flight, Vehicle], list[Change]] | None = None
+    kinds: tuple[str, ...] = ("helicopter",)  # of vehicle
+    each_flight: bool = False  # parameters differ from flight to flight
+    split_by: Mapping[str, str] = field(default_factory=dict)  # by confusable cause: the manoeuvre that tells

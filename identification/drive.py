@@ -1,0 +1,111 @@
+"""One flight against the model: innovations of force, moment and rotor, and what a gust does to them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from identification.dynamics import CHANNELS, innovations
+from identification.flight import Flight
+from identification.model import Model
+from identification.whitening import drive_signatures
+
+Floats = NDArray[np.float64]
+
+PUFF = 0.5  # [m/s] for the derivative by the wind
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What the model leaves open, along all flights."""
+
+    gust_std: tuple[float, float, float] = (0.3, 0.3, 0.3)  # [m/s] east, north, up
+    gust_tau: float = 3.0  # [s]
+    process: tuple[float, ...] = (0.0, 0.0, 0.0, 0.02, 0.02, 0.02, 0.3)  # of rates and rotor speed, a node
+    noise: tuple[float, ...] = (0.1, 0.1, 0.15, 0.005, 0.005, 0.005, 0.3)  # of force, rate, rotor speed
+
+    def keep(self, step: float) -> float:
+        """Factor of a gust a node."""
+        return float(np.exp(-step / self.gust_tau))
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """A flight with the model's answer and its innovations."""
+
+    flight: Flight
+    wind: Floats  # (3,) [m/s] mean
+    answer: Floats  # (N, 7)
+    gust: Floats  # (N, 7, 3)
+    gains: Floats  # (N, 7, 7)
+    spreads: Floats  # (N, 7)
+    residual: Floats  # (N, 7) innovations over their standard deviation
+    cost: float  # twice the negative log-likelihood
+
+    def whiten(self, model: Floats, noise: Noise, measured: Floats | None = None) -> Floats:
+        """Whitened change (N, 7, C) of the innovations if the model's answer changes by `model` (N, 7, C)."""
+        measured = np.zeros_like(model) if measured is None else measured
+        step = self.flight.motion.step
+        return np.asarray(
+            drive_signatures(
+                self.gust, self.gains, self.spreads, step, noise.keep(step), np.ascontiguousarray(model),
+                np.ascontiguousarray(measured),
+            )
+        )  # fmt: skip
+
+
+def gust_slopes(model: Model, flight: Flight, wind: Floats, changes: dict[str, float] | None = None) -> Floats:
+    """Derivative (N, 7, 3) of the answer by the wind."""
+    slopes = []
+    for axis in range(3):
+        puff = np.zeros(3)
+        puff[axis] = PUFF
+        up, down = (model.answer(flight.drive, wind, changes, sign * puff) for sign in (1.0, -1.0))
+        slopes.append((up - down) / (2.0 * PUFF))
+    return np.stack(slopes, axis=-1)
+
+
+def drive(model: Model, flight: Flight, wind: Floats, noise: Noise, changes: dict[str, float] | None = None) -> Driven:
+    """Run the model along a flight and filter what it leaves."""
+    answer = model.answer(flight.drive, wind, changes)
+    return judge(flight, wind, answer, gust_slopes(model, flight, wind, changes), noise)
+
+
+def judge(flight: Flight, wind: Floats, answer: Floats, gust: Floats, noise: Noise) -> Driven:
+    """Innovations of an answer (N, 7)."""
+    nodes = len(answer)
+    gains, spreads, out = np.zeros((nodes, 7, 7)), np.zeros((nodes, 7)), np.zeros((nodes, 7))
+    step = flight.motion.step
+    cost = innovations(
+        answer, flight.measured, gust, step, noise.keep(step), np.array(noise.gust_std), np.array(noise.process),
+        np.array(noise.noise), gains, spreads, out,
+    )  # fmt: skip
+    return Driven(flight, wind, answer, gust, gains, spreads, out / spreads, float(cost))
+
+
+def fit_noise(flights: list[Driven], explained: list[Floats], start: Noise) -> Noise:
+    """The noise under which what is left, after `explained` (N, 7) was added to each answer, is likeliest."""
+
+    def unpack(x: Floats) -> Noise:
+        g = np.exp(x)
+        return replace(
+            start, gust_std=(g[0], g[0], g[1]), gust_tau=float(g[2]),
+            process=(0.0, 0.0, 0.0, g[3], g[4], g[5], g[6]), noise=(g[7], g[8], g[9], g[10], g[11], g[12], g[13]),
+        )  # fmt: skip
+
+    def cost(x: Floats) -> float:
+        noise = unpack(x)
+        return sum(
+            judge(item.flight, item.wind, item.answer + more, item.gust, noise).cost
+            for item, more in zip(flights, explained, strict=True)
+        )
+
+    g = [start.gust_std[0], start.gust_std[2], start.gust_tau, *start.process[3:], *start.noise]
+    begin = np.log(np.maximum(g, 1e-4))
+    bounds = [(np.log(a), np.log(b)) for a, b in [(0.01, 5), (0.01, 3), (0.2, 20)] + [(1e-5, 5)] * 4 + [(1e-4, 5)] * 7]
+    best = minimize(cost, begin, method="L-BFGS-B", bounds=bounds, options={"maxiter": 25, "eps": 1e-3})
+    return unpack(best.x)
+
+
+__all__ = ["CHANNELS", "Driven", "Noise", "drive", "fit_noise", "gust_slopes", "judge"]

@@ -1,0 +1,387 @@
+"""One measured flight, prepared: the motion by its sensors, and what drives the model along it."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from flightlog.atmosphere import SURFACE_PRESSURE, SURFACE_TEMPERATURE, density_at, pressure_at
+from flightlog.constants import GRAVITY, LAPSE_RATE
+from flightlog.errors import UserError
+from flightlog.rotations import angles, quaternion
+from flightlog.tables import Table
+from identification import kinematics as k
+from identification.dynamics import Drive
+from sim.vehicle import Vehicle
+from sim.world import MAGNETIC_FIELD
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+STEP = 0.04  # [s] of a node: a turn of the rotor, so that its vibration has no mean
+NEEDED = ("imu", "controls", "rotor")
+CLEAR = 0.08  # [m] of the skids above the ground while a flight is looked at
+SETTLED = 1.0  # [s] until the filter knows where it is
+LEAST_SAMPLES = 40  # to take a noise level from
+CHI2_MEDIAN = 0.4549  # median of chi-square with one degree of freedom
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The recorded way of `kinematics.track` along one flight: N nodes, M scalar measurements."""
+
+    step: float
+    t: Floats  # (N,) [s] end of each node, the log's own clock
+    first: Ints  # (N + 1,)
+    kinds: Ints  # (M,)
+    times: Floats  # (M,) [s]
+    values: Floats  # (M,)
+    stds: Floats  # (M,)
+    decay: Floats  # (STATES,)
+    way: Floats  # (N, 15)
+    rows: Floats  # (M, STATES)
+    gains: Floats  # (M, STATES)
+    answers: Floats  # (M, 3)
+    position: Floats  # (N, 3) [m]
+    velocity: Floats  # (N, 3) [m/s]
+    attitude: Floats  # (N, 4)
+
+    @property
+    def node(self) -> Ints:
+        """(M,) node to which each measurement belongs."""
+        return np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
+
+    @property
+    def whitened(self) -> Floats:
+        """(M,) innovations over their standard deviation; 0 where one was not used."""
+        nu, s, weight = self.answers.T
+        return np.asarray(np.sqrt(weight) * nu / s)
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """A flight prepared for one vehicle."""
+
+    name: str
+    motion: Motion
+    drive: Drive
+    measured: Floats  # (N, 7): mean force, rate and rotor speed of each node; NaN where there is none
+    thrust: Floats  # (N,) [N] about: force along the mast times mass
+    skids: Floats  # (N,) [m] of the skids above the ground
+    echoes: tuple[int, int]  # samples of the ranger beyond its reach, and how many of them said they were valid
+    notes: tuple[str, ...]
+
+
+def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
+    """Filter a log with the vehicle's sensors as declared; UserError where the log cannot carry a diagnosis."""
+    for topic in NEEDED:
+        if topic not in tables or len(tables[topic]) < 2:
+            raise UserError(f"{name}: has no topic {topic}: a {vehicle.document['kind']} needs {', '.join(NEEDED)}")
+    notes: list[str] = []
+    imu_t, imu = _inertial(name, tables["imu"], notes)
+    mass = float(vehicle.geometry["mass"])
+    pressure, temperature = _surface(tables)
+    setup = _setup(vehicle)
+    edges = _edges(imu_t)
+    measurements = _measurements(tables, vehicle, imu_t, edges)
+    start = _start(tables, imu, imu_t)
+    surface = pressure, temperature
+    motion, samples, skids = _filter(vehicle, imu_t, imu, edges, measurements, start, setup, mass, surface)
+    last = _airborne(skids)
+    if last * STEP < 5.0:
+        raise UserError(f"{name}: {last * STEP:.1f} s in the air; at least 5 s would be right")
+    motion, edges = _cut(motion, last), edges[: last + 1]
+    speed = tables["rotor"]
+    turns = uniform_filter1d(np.asarray(speed["speed"], float), 5)
+    rotor = np.interp(imu_t, np.asarray(speed["t"]), turns)
+    rates = uniform_filter1d(imu[:, 3:], _samples_a_turn(imu_t), axis=0)
+    controls = _held(tables["controls"], imu_t)
+    drive = Drive(
+        edges, imu_t, samples, np.ascontiguousarray(rates), rotor, controls, vehicle.sensors["imu"].position,
+        pressure, temperature,
+    )  # fmt: skip
+    measured = np.full((last, 7), np.nan)
+    sums = np.add.reduceat(imu[: edges[-1]], edges[:-1])
+    measured[:, :6] = sums / np.diff(edges)[:, None]
+    measured[:, 6] = _means(np.asarray(speed["t"], float), np.asarray(speed["speed"], float), imu_t[edges])
+    return Flight(
+        name, motion, drive, measured, mass * measured[:, 2], skids[:last],
+        _echoes(tables, vehicle, motion), tuple(notes),
+    )  # fmt: skip
+
+
+def _means(t: Floats, values: Floats, marks: Floats) -> Floats:
+    """Mean of the samples between each two marks; NaN where there is none."""
+    which = np.digitize(t, marks) - 1
+    inside = (which >= 0) & (which < len(marks) - 1) & np.isfinite(values)
+    total = np.bincount(which[inside], values[inside], len(marks) - 1)
+    count = np.bincount(which[inside], minlength=len(marks) - 1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _samples_a_turn(t: Floats) -> int:
+    return max(1, round(STEP / float(np.median(np.diff(t)))))
+
+
+def _inertial(name: str, table: Table, notes: list[str]) -> tuple[Floats, Floats]:
+    t = np.asarray(table["t"], float)
+    imu = table.stack("fx", "fy", "fz", "wx", "wy", "wz")
+    good = np.isfinite(imu).all(axis=1) & np.concatenate([[True], np.diff(t) > 0])
+    if not good.all():
+        notes.append(f"imu: {np.count_nonzero(~good)} rows not finite or not in order left out")
+    t, imu = t[good], imu[good]
+    size = float(np.median(np.linalg.norm(imu[:, :3], axis=1))) if len(t) else math.nan
+    if not 0.5 * GRAVITY < size < 2.0 * GRAVITY:
+        likely = "cm/s^2" if 500 < size < 2000 else "g" if 0.5 < size < 2 else "another unit"
+        raise UserError(f"{name}: imu.fx, fy, fz: typical size {size:.3g}; in m/s^2 it would be 9.8; likely {likely}")
+    return t, imu
+
+
+def _edges(t: Floats) -> Ints:
+    """First sample of each node, and the end."""
+    count = int((t[-1] - t[0]) / STEP)
+    marks = t[0] + STEP * np.arange(count + 1)
+    return np.asarray(np.searchsorted(t, marks - 1e-6), np.int64)
+
+
+def _surface(tables: Mapping[str, Table]) -> tuple[float, float]:
+    """Pressure [Pa] and temperature [K] at the ground, from what the barometer says; standard without one."""
+    if "baro" not in tables or "pressure" not in tables["baro"]:
+        return SURFACE_PRESSURE, SURFACE_TEMPERATURE
+    rows = tables["baro"].stack("pressure", "temperature", "altitude")
+    pressure, temperature, altitude = np.nanmedian(rows[:50], axis=0)
+    ground = temperature - LAPSE_RATE * altitude
+    return float(pressure_at(-altitude, pressure, temperature)), float(ground)
+
+
+def _setup(vehicle: Vehicle) -> Floats:
+    setup = np.zeros((6, 3))
+    for row, topic in enumerate(("gps", "sonar", "baro")):
+        if topic in vehicle.sensors:
+            setup[row] = vehicle.sensors[topic].position
+    if "down" in vehicle.cameras:
+        setup[3] = vehicle.cameras["down"].mount.position
+    if "sonar" in vehicle.sensors:
+        setup[4, 0] = vehicle.sensors["sonar"].numbers["beam_half_angle"]
+    return setup
+
+
+def _held(table: Table, t: Floats) -> Floats:
+    """The controls (S, 5) in force during each sample's step, as they were sent."""
+    sent = np.asarray(table["t"], float)
+    before = np.concatenate([[t[0] - (t[1] - t[0])], t[:-1]])
+    index = np.clip(np.searchsorted(sent, before + 1e-9, side="right") - 1, 0, len(sent) - 1)
+    sticks = table.stack("collective", "lateral", "longitudinal", "tail", "throttle")
+    return np.ascontiguousarray(np.nan_to_num(sticks[index]))
+
+
+def _measurements(
+    tables: Mapping[str, Table], vehicle: Vehicle, imu_t: Floats, edges: Ints
+) -> tuple[Ints, Ints, Floats, Floats, Floats]:
+    """First (N + 1,), kinds, times, values and standard deviations (M,), in order of time."""
+    parts: list[tuple[int, Floats, Floats, Floats]] = []
+    sensors = vehicle.sensors
+
+    def add(kind: int, t: Floats, value: Floats, std: Floats | float) -> None:
+        good = np.isfinite(value) & np.isfinite(t)
+        parts.append((kind, t[good], value[good], np.broadcast_to(std, value.shape)[good]))
+
+    if "gps" in tables and "gps" in sensors:
+        table, n = tables["gps"], sensors["gps"].numbers
+        valid = np.asarray(table["valid"], float) > 0 if "valid" in table else np.ones(len(table), bool)
+        t = np.where(valid, table["t"], np.nan)
+        for axis, name in enumerate(("e", "n", "u")):
+            add(k.GPS + axis, t, np.asarray(table[name], float), n["noise_up"] if axis == 2 else n["noise"])
+            add(k.GPS_V + axis, t, np.asarray(table[f"v{name}"], float), n["velocity_noise"])
+    if "baro" in tables and "baro" in sensors:
+        table, n = tables["baro"], sensors["baro"].numbers
+        add(k.BARO, np.asarray(table["t"]) - n["lag"], np.asarray(table["altitude"], float), n["noise"])
+    if "sonar" in tables and "sonar" in sensors:
+        table, n = tables["sonar"], sensors["sonar"].numbers
+        value = np.where(np.asarray(table["valid"], float) > 0, table["range"], np.nan)
+        add(k.SONAR, np.asarray(table["t"]), value, np.hypot(n["noise_share"] * value, n["resolution"]))
+    if "mag" in tables and "mag" in sensors:
+        table, n = tables["mag"], sensors["mag"].numbers
+        for axis, name in enumerate(("mx", "my", "mz")):
+            add(k.FIELD + axis, np.asarray(table["t"]), np.asarray(table[name], float), n["noise"])
+    if "pad" in tables and "down" in vehicle.cameras:
+        table = tables["pad"]
+        for axis, name in enumerate(("x", "y", "z")):
+            std = np.hypot(np.asarray(table[f"std_{name}"], float), 0.002)
+            add(k.PAD + axis, np.asarray(table["t"]), np.asarray(table[name], float), std)
+        std = np.hypot(np.asarray(table["std_angle"], float), 0.002)
+        add(k.PAD_ANGLE, np.asarray(table["t"]), np.asarray(table["angle"], float), std)
+    kinds = np.concatenate([np.full(len(t), kind) for kind, t, _, _ in parts] or [np.zeros(0)]).astype(np.int64)
+    times, values, stds = (np.concatenate([p[i] for p in parts] or [np.zeros(0)]) for i in (1, 2, 3))
+    ends = imu_t[np.clip(edges[1:] - 1, 0, len(imu_t) - 1)]
+    node = np.searchsorted(ends, times - 1e-9)
+    inside = (node < len(ends)) & (times >= imu_t[0])
+    order = np.lexsort((kinds, times, node))
+    order = order[inside[order]]
+    first = np.searchsorted(node[order], np.arange(len(ends) + 1))
+    return np.asarray(first, np.int64), kinds[order], times[order], values[order], stds[order]
+
+
+def _start(tables: Mapping[str, Table], imu: Floats, imu_t: Floats) -> Floats:
+    """Position, velocity and attitude (10,) to begin with: level by the force, heading by the field."""
+    fx, fy, fz = imu[: max(10, _samples_a_turn(imu_t) * 5), :3].mean(axis=0)
+    roll, pitch = math.atan2(fy, fz), math.atan2(fx, math.hypot(fy, fz))
+    heading = 0.0
+    if "mag" in tables and len(tables["mag"]):
+        mx, my, mz = tables["mag"].stack("mx", "my", "mz")[:20].mean(axis=0)
+        forward = mx * math.cos(pitch) - math.sin(pitch) * (my * math.sin(roll) + mz * math.cos(roll))
+        left = my * math.cos(roll) - mz * math.sin(roll)
+        heading = math.atan2(left, forward)
+    start = np.zeros(10)
+    if "gps" in tables and len(tables["gps"]):
+        start[:6] = np.nan_to_num(tables["gps"].stack("e", "n", "u", "ve", "vn", "vu")[0])
+    elif "baro" in tables and len(tables["baro"]):
+        start[2] = float(tables["baro"]["altitude"][0])
+    start[6:] = quaternion(roll, pitch, heading)
+    return start
+
+
+def _statistics(vehicle: Vehicle, node_step: float, imu_step: float) -> tuple[Floats, Floats, Floats]:
+    """Variance at the start, variance added a node, and factor a node, of each error state, as declared."""
+    prior, noise, decay = np.zeros(k.STATES), np.zeros(k.STATES), np.ones(k.STATES)
+    numbers = {topic: fitted.numbers for topic, fitted in vehicle.sensors.items()}
+
+    def wander(at: slice, std: float, tau: float) -> None:
+        decay[at] = math.exp(-node_step / tau)
+        noise[at] = std**2 * (1.0 - decay[at] ** 2)
+
+    imu = numbers["imu"]
+    prior[k.P : k.P + 3], prior[k.V : k.V + 3] = 4.0, 1.0
+    prior[k.PHI : k.PHI + 2], prior[k.PHI + 2] = 0.03**2, 0.1**2
+    lateral = imu["misalignment_std"] * GRAVITY
+    prior[k.B_A : k.B_A + 3] = imu["accel_bias_std"] ** 2 + (imu["accel_scale_std"] * GRAVITY) ** 2
+    prior[k.B_A : k.B_A + 2] += lateral**2
+    prior[k.B_G : k.B_G + 3] = imu["gyro_bias_std"] ** 2
+    noise[k.B_A : k.B_A + 3] = 2 * imu["accel_drift_std"] ** 2 * node_step / imu["accel_drift_tau"]
+    noise[k.B_G : k.B_G + 3] = 2 * imu["gyro_drift_std"] ** 2 * node_step / imu["gyro_drift_tau"]
+    # white noise of force and rate; the vibration's share is what a sampled turn leaves of it
+    shaken = 0.5 * (imu["vibration_force_1"] ** 2 + imu["vibration_force_2"] ** 2) * imu_step * 0.02
+    noise[k.V : k.V + 3] = 0.5 * imu["accel_noise"] ** 2 * node_step + shaken * node_step
+    noise[k.PHI : k.PHI + 3] = 0.5 * imu["gyro_noise"] ** 2 * node_step + 1e-9 * node_step
+    if "baro" in numbers:
+        n = numbers["baro"]
+        prior[k.BARO_BIAS] = n["bias_std"] ** 2
+        wander(slice(k.BARO_DRIFT, k.BARO_DRIFT + 1), n["drift_std"], n["drift_tau"])
+    if "gps" in numbers:
+        n = numbers["gps"]
+        up = [n["bias_std"], n["bias_std"], n["bias_std_up"]]
+        prior[k.GPS_BIAS : k.GPS_BIAS + 3] = np.square(up)
+        for axis, std in enumerate((n["wander_std"], n["wander_std"], n["wander_std_up"])):
+            at = slice(k.GPS_WANDER + axis, k.GPS_WANDER + axis + 1)
+            wander(at, std, n["wander_tau"])
+            prior[at] = std**2
+    if "mag" in numbers:
+        n = numbers["mag"]
+        turned = n["misalignment_std"] * float(np.linalg.norm(MAGNETIC_FIELD))
+        prior[k.MAG : k.MAG + 3] = n["bias_std"] ** 2 + n["drift_std"] ** 2 + turned**2
+        noise[k.MAG : k.MAG + 3] = 2 * n["drift_std"] ** 2 * node_step / n["drift_tau"]
+    if "sonar" in numbers:
+        prior[k.SONAR_SCALE] = numbers["sonar"]["scale_std"] ** 2
+    if "pad" in numbers:
+        prior[k.CAMERA_SCALE] = numbers["pad"]["scale_std"] ** 2
+        prior[k.CAMERA_TILT : k.CAMERA_TILT + 2] = 0.003**2
+    return prior, noise, decay
+
+
+def _filter(
+    vehicle: Vehicle, imu_t: Floats, imu: Floats, edges: Ints,
+    measurements: tuple[Ints, Ints, Floats, Floats, Floats], start: Floats, setup: Floats, mass: float,
+    surface: tuple[float, float],
+) -> tuple[Motion, Floats, Floats]:  # fmt: skip
+    """Several times: what the rotor's downwash does to the barometer needs the height, and each sensor's white noise
+    is taken from its own innovations.
+    """
+    first, kinds, times, values, stds = measurements
+    nodes = len(edges) - 1
+    prior, noise, decay = _statistics(vehicle, STEP, float(np.median(np.diff(imu_t))))
+    way, samples = np.zeros((nodes, 15)), np.zeros((len(imu_t), 10))
+    rows, gains, answers = (np.zeros((len(times), n)) for n in (k.STATES, k.STATES, 3))
+    shifts = np.zeros(len(times))
+    ends = np.clip(edges[1:] - 1, 0, len(imu_t) - 1)
+    skid = float(vehicle.geometry["skid_height"])
+    for last in (False, False, False, True):
+        k.track(
+            imu_t, imu, edges, first, kinds, times, values, stds, shifts, start, setup, MAGNETIC_FIELD, prior, noise,
+            decay, way, samples, rows, gains, answers,
+        )  # fmt: skip
+        height = samples[ends, 2] - skid
+        if not last:
+            shifts = _downwash(vehicle, kinds, times, imu_t[ends], height, mass * way[:, 2], surface)
+            stds = stds * _noise_factors(kinds, times, stds, answers, imu_t[0] + SETTLED)[kinds]
+    motion = Motion(
+        STEP, imu_t[ends], first, kinds, times, values, stds, decay, way, rows, gains, answers,
+        samples[ends, :3], samples[ends, 3:6], samples[ends, 6:],
+    )  # fmt: skip
+    return motion, samples, height
+
+
+def _noise_factors(kinds: Ints, times: Floats, stds: Floats, answers: Floats, begin: float) -> Floats:
+    """(KINDS,) by which each kind's white noise is larger than declared; by medians: outliers do not count."""
+    factors = np.ones(k.KINDS)
+    for kind in range(k.KINDS):
+        at = (kinds == kind) & (times >= begin) & (answers[:, 2] > 0)
+        if np.count_nonzero(at) < LEAST_SAMPLES:
+            continue
+        nu, s, r = answers[at, 0], answers[at, 1], stds[at]
+        spread = np.median((nu / s) ** 2) / CHI2_MEDIAN  # of the innovation over what was expected
+        share = np.median((r / s) ** 2)  # of the innovation's variance that is white noise
+        factors[kind] = math.sqrt(np.clip((spread - (1.0 - share)) / share, 1.0, 9.0))
+    return factors
+
+
+def downwash(vehicle: Vehicle, skids: Floats, thrust: Floats, surface: tuple[float, float]) -> Floats:
+    """Metres by which the barometer reads low for a gain of 1, at heights of the skids [m] and thrusts [N]."""
+    n = vehicle.sensors["baro"].numbers
+    area = math.pi * float(vehicle.geometry["rotor_radius"]) ** 2
+    weight = density_at(0.0, *surface) * GRAVITY
+    return np.asarray(thrust / area / weight * np.exp(-np.maximum(skids, 0.0) / n["downwash_height_scale"]))
+
+
+def _downwash(
+    vehicle: Vehicle, kinds: Ints, times: Floats, t: Floats, skids: Floats, thrust: Floats, surface: tuple[float, float]
+) -> Floats:
+    shifts = np.zeros(len(times))
+    if "baro" in vehicle.sensors:
+        low = downwash(vehicle, skids, thrust, surface) * vehicle.sensors["baro"].numbers["downwash_gain"]
+        at = kinds == k.BARO
+        shifts[at] = -np.interp(times[at], t, low)
+    return shifts
+
+
+def _airborne(skids: Floats) -> int:
+    """Nodes until the skids touch for good."""
+    clear = np.flatnonzero(skids > CLEAR)
+    return int(clear[-1]) + 1 if len(clear) else 0
+
+
+def _cut(m: Motion, nodes: int) -> Motion:
+    last = int(m.first[nodes])
+    return Motion(
+        m.step, m.t[:nodes], m.first[: nodes + 1], m.kinds[:last], m.times[:last], m.values[:last], m.stds[:last],
+        m.decay, m.way[:nodes], m.rows[:last], m.gains[:last], m.answers[:last], m.position[:nodes],
+        m.velocity[:nodes], m.attitude[:nodes],
+    )  # fmt: skip
+
+
+def _echoes(tables: Mapping[str, Table], vehicle: Vehicle, motion: Motion) -> tuple[int, int]:
+    """Samples of the ranger when the ground was well beyond its reach, and how many of them claimed an echo."""
+    if "sonar" not in tables or "sonar" not in vehicle.sensors:
+        return 0, 0
+    table = tables["sonar"]
+    t = np.asarray(table["t"], float)
+    height = np.interp(t, motion.t, motion.position[:, 2])
+    beyond = (height > vehicle.sensors["sonar"].numbers["greatest_range"] + 0.5) & (t <= motion.t[-1])
+    return int(beyond.sum()), int((beyond & (np.asarray(table["valid"], float) > 0)).sum())
+
+
+def attitude_angles(attitude: Floats) -> Floats:
+    """(N, 3) roll, pitch, heading [rad]."""
+    return np.array([angles(q) for q in attitude])

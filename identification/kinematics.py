@@ -1,0 +1,255 @@
+"""What the sensors say about the motion, whatever drives it: an error-state Kalman filter along a log.
+
+The inertial sensor drives the motion; every other sensor corrects it, scalar by scalar. What is recorded of the way is
+all that is linear about it (gains, rows, innovations), so that the effect of any small change of any measurement on
+the innovations follows without running the filter again (`whitening`).
+
+Error state, world axes: position, velocity, attitude (R = exp(phi) R^), then what the sensors' makers declare as
+unknown: accelerometer and gyro bias, barometer bias and drift, GPS bias and wander, magnetometer bias, scale of the
+ranger, scale and tilt of the down camera.
+"""
+
+import math
+
+import numba
+import numpy as np
+
+from flightlog.constants import GRAVITY
+from flightlog.rotations import from_vector, matrix, multiply
+
+P, V, PHI, B_A, B_G = 0, 3, 6, 9, 12
+BARO_BIAS, BARO_DRIFT, GPS_BIAS, GPS_WANDER, MAG = 15, 16, 17, 20, 23
+SONAR_SCALE, CAMERA_SCALE, CAMERA_TILT = 26, 27, 28
+STATES = 30
+
+# kinds of scalar measurement
+GPS, GPS_V, BARO, SONAR, FIELD, PAD, PAD_ANGLE = 0, 3, 6, 7, 8, 11, 14
+KINDS = 15
+CHANNELS = (
+    "gps.e", "gps.n", "gps.u", "gps.ve", "gps.vn", "gps.vu", "baro.altitude", "sonar.range", "mag.mx", "mag.my",
+    "mag.mz", "pad.x", "pad.y", "pad.z", "pad.angle",
+)  # fmt: skip
+
+GATE, HUBER = 6.0, 3.0  # standard deviations: not used beyond the first, weighted down beyond the second
+
+
+@numba.njit(cache=True)
+def _cross(a, b):
+    c = np.empty(3)
+    c[0] = a[1] * b[2] - a[2] * b[1]
+    c[1] = a[2] * b[0] - a[0] * b[2]
+    c[2] = a[0] * b[1] - a[1] * b[0]
+    return c
+
+
+@numba.njit(cache=True)
+def predict(kind, dt, p, v, q, w, extra, setup, field, row):
+    """What the sensor of `kind` should read `dt` [s] after the state (p, v, q, rate w), and its row (STATES,).
+
+    extra: biases (9,): baro, gps (3), mag (3), sonar scale, camera scale. setup (6, 3): lever arms of gps, sonar, baro
+    and camera; row 4 [ranger's half beam, downwash of the barometer [m], -], row 5 unused.
+    """
+    row[:] = 0.0
+    turn = np.empty(3)
+    for i in range(3):
+        turn[i] = w[i] * dt
+    r = matrix(multiply(q, from_vector(turn)))
+    px, py, pz = p[0] + v[0] * dt, p[1] + v[1] * dt, p[2] + v[2] * dt
+    if kind < BARO:
+        axis = kind % 3
+        if kind < GPS_V:
+            arm = r @ setup[0]
+            row[P + axis] = 1.0
+            row[V + axis] = dt
+            here = px if axis == 0 else (py if axis == 1 else pz)
+            value = here + arm[axis] + extra[1 + axis]
+            row[GPS_BIAS + axis] = 1.0
+            row[GPS_WANDER + axis] = 1.0
+        else:
+            arm = r @ _cross(w, setup[0])
+            row[V + axis] = 1.0
+            value = v[axis] + arm[axis]
+        # d(R l) = phi x (R l)
+        if axis == 0:
+            row[PHI + 1], row[PHI + 2] = arm[2], -arm[1]
+        elif axis == 1:
+            row[PHI], row[PHI + 2] = -arm[2], arm[0]
+        else:
+            row[PHI], row[PHI + 1] = arm[1], -arm[0]
+        return value
+    if kind == BARO:
+        arm = r @ setup[2]
+        row[P + 2], row[V + 2] = 1.0, dt
+        row[PHI], row[PHI + 1] = arm[1], -arm[0]
+        row[BARO_BIAS] = row[BARO_DRIFT] = 1.0
+        return pz + arm[2] + extra[0]
+    if kind == SONAR:
+        arm = r @ setup[1]
+        tilt = max(0.0, math.acos(min(1.0, max(-1.0, r[2, 2]))) - setup[4, 0])
+        scale = (1.0 + extra[7]) / math.cos(tilt)
+        row[P + 2], row[V + 2] = scale, scale * dt
+        row[PHI], row[PHI + 1] = arm[1] * scale, -arm[0] * scale
+        value = (pz + arm[2]) * scale
+        row[SONAR_SCALE] = value
+        return value
+    if kind < PAD:
+        axis = kind - FIELD
+        value = extra[4 + axis]
+        for j in range(3):
+            value += r[j, axis] * field[j]
+        # d(R^T b) = R^T (b x phi)
+        row[PHI] = r[1, axis] * field[2] - r[2, axis] * field[1]
+        row[PHI + 1] = -r[0, axis] * field[2] + r[2, axis] * field[0]
+        row[PHI + 2] = r[0, axis] * field[1] - r[1, axis] * field[0]
+        row[MAG + axis] = 1.0
+        return value
+    if kind == PAD_ANGLE:
+        # azimuth of the mark's axis (north) less that of the nose
+        row[PHI + 2] = 1.0
+        return -math.atan2(r[0, 0], r[1, 0])
+    # the pad's centre in camera axes: x right = -left, y down in the picture = backward, z down
+    away = np.empty(3)
+    away[0], away[1], away[2] = -px, -py, -pz
+    body = r.T @ away - setup[3]
+    axis = kind - PAD
+    of = 1 if axis == 0 else (0 if axis == 1 else 2)
+    value = -body[of]
+    for j in range(3):
+        row[P + j] = r[j, of]
+        row[V + j] = r[j, of] * dt
+    row[PHI] = -(r[1, of] * away[2] - r[2, of] * away[1])
+    row[PHI + 1] = -(-r[0, of] * away[2] + r[2, of] * away[0])
+    row[PHI + 2] = -(r[0, of] * away[1] - r[1, of] * away[0])
+    if axis == 2:
+        row[CAMERA_SCALE] = value
+        value *= 1.0 + extra[8]
+    elif axis == 0:
+        row[CAMERA_TILT] = -body[2]
+    else:
+        row[CAMERA_TILT + 1] = -body[2]
+    return value
+
+
+@numba.njit(cache=True)
+def transition(step, f, r, decay, x):
+    """The error state's columns `x` (STATES, C) over a node of `step` [s]: force f (3,) in world axes, rotation r."""
+    for c in range(x.shape[1]):
+        a0, a1, a2 = x[PHI, c], x[PHI + 1, c], x[PHI + 2, c]
+        b0, b1, b2 = x[B_A, c], x[B_A + 1, c], x[B_A + 2, c]
+        # dv' = phi x f - R b_a, dphi' = -R b_g
+        d0 = a1 * f[2] - a2 * f[1] - (r[0, 0] * b0 + r[0, 1] * b1 + r[0, 2] * b2)
+        d1 = a2 * f[0] - a0 * f[2] - (r[1, 0] * b0 + r[1, 1] * b1 + r[1, 2] * b2)
+        d2 = a0 * f[1] - a1 * f[0] - (r[2, 0] * b0 + r[2, 1] * b1 + r[2, 2] * b2)
+        x[P, c] += step * (x[V, c] + 0.5 * step * d0)
+        x[P + 1, c] += step * (x[V + 1, c] + 0.5 * step * d1)
+        x[P + 2, c] += step * (x[V + 2, c] + 0.5 * step * d2)
+        x[V, c] += step * d0
+        x[V + 1, c] += step * d1
+        x[V + 2, c] += step * d2
+        g0, g1, g2 = x[B_G, c], x[B_G + 1, c], x[B_G + 2, c]
+        for i in range(3):
+            x[PHI + i, c] -= step * (r[i, 0] * g0 + r[i, 1] * g1 + r[i, 2] * g2)
+        for i in range(B_A, STATES):
+            x[i, c] *= decay[i]
+
+
+@numba.njit(cache=True)
+def track(
+    imu_t, imu, edges, first, kinds, times, values, stds, shifts, start, setup, field, prior, noise, decay, way, motion,
+    rows, gains, answers,
+):
+    """Filter a log; returns the biases (STATES,) at its end and their variances.
+
+    In and out:
+
+        imu_t (S,), imu (S, 6): inertial samples. edges (N + 1,): the sample at which each node begins.
+        first (N + 1,): the measurement at which each node's begin; kinds, times, values, stds (M,).
+        shifts (M,): what the model adds to the prediction beside the state (downwash of the barometer) [unit].
+        start (10,): position, velocity, quaternion. setup, field: see `predict`.
+        prior, noise, decay (STATES,): variance at the start, variance added a node, factor a node.
+        way (N, 15), out: force (3) in world axes and rotation (9) of the node, mean rate (3) in body axes.
+        motion (S, 10), out: position, velocity, quaternion after each inertial sample.
+        rows, gains (M, STATES), answers (M, 3), out: innovation, its standard deviation, weight (0: not used).
+    """
+    p, v, q = start[:3].copy(), start[3:6].copy(), start[6:10].copy()
+    biases = np.zeros(STATES)
+    cov = np.diag(prior)
+    extra = np.zeros(9)
+    row = np.empty(STATES)
+    nodes = len(edges) - 1
+    t = imu_t[edges[0]]
+    for n in range(nodes):
+        begin = t
+        force = np.zeros(3)
+        rate = np.zeros(3)
+        middle = matrix(q)
+        count = 0
+        for i in range(edges[n], edges[n + 1]):
+            dt = imu_t[i] - t
+            t = imu_t[i]
+            w = np.empty(3)
+            turn = np.empty(3)
+            for k in range(3):
+                w[k] = imu[i, 3 + k] - biases[B_G + k]
+                turn[k] = w[k] * dt
+            half = matrix(multiply(q, from_vector(0.5 * turn)))
+            q = multiply(q, from_vector(turn))
+            q /= math.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
+            f = half @ (imu[i, :3] - biases[B_A : B_A + 3])
+            for k in range(3):
+                force[k] += f[k]
+                rate[k] += w[k]
+                a = f[k] - (GRAVITY if k == 2 else 0.0)
+                p[k] += dt * (v[k] + 0.5 * dt * a)
+                v[k] += dt * a
+            motion[i, :3], motion[i, 3:6], motion[i, 6:] = p, v, q
+            count += 1
+            if 2 * count <= edges[n + 1] - edges[n]:
+                middle = half
+        count = max(count, 1)
+        force /= count
+        rate /= count
+        step = t - begin
+        way[n, :3], way[n, 12:15] = force, rate
+        way[n, 3:12] = middle.ravel()
+        transition(step, force, middle, decay, cov)
+        cov = np.ascontiguousarray(cov.T)
+        transition(step, force, middle, decay, cov)
+        for i in range(STATES):
+            cov[i, i] += noise[i]
+        for m in range(first[n], first[n + 1]):
+            kind = kinds[m]
+            extra[0] = biases[BARO_BIAS] + biases[BARO_DRIFT]
+            for k in range(3):
+                extra[1 + k] = biases[GPS_BIAS + k] + biases[GPS_WANDER + k]
+                extra[4 + k] = biases[MAG + k]
+            extra[7], extra[8] = biases[SONAR_SCALE], biases[CAMERA_SCALE]
+            value = predict(kind, times[m] - t, p, v, q, rate, extra, setup, field, row) + shifts[m]
+            if kind == PAD or kind == PAD + 1:
+                value += row[CAMERA_TILT + kind - PAD] * biases[CAMERA_TILT + kind - PAD]
+            innovation = values[m] - value
+            if kind == PAD_ANGLE:
+                innovation -= math.pi * round(innovation / math.pi)
+            ph = cov @ row
+            s = math.sqrt(row @ ph + stds[m] ** 2)
+            size = abs(innovation) / s
+            weight = 1.0 if size <= HUBER else (HUBER / size if size <= GATE else 0.0)
+            answers[m, 0], answers[m, 1], answers[m, 2] = innovation, s, weight
+            gain = ph * (weight / (s * s))
+            rows[m], gains[m] = row, gain
+            if weight == 0.0:
+                continue
+            # Joseph's form for a gain of which only a share is taken
+            for i in range(STATES):
+                for j in range(STATES):
+                    cov[i, j] += gain[i] * gain[j] * s * s - gain[i] * ph[j] - ph[i] * gain[j]
+            dx = gain * innovation
+            for k in range(3):
+                p[k] += dx[P + k]
+                v[k] += dx[V + k]
+            q = multiply(from_vector(dx[PHI : PHI + 3]), q)
+            for i in range(B_A, STATES):
+                biases[i] += dx[i]
+        for i in range(B_A, STATES):
+            biases[i] *= decay[i]
+    return biases, np.diag(cov).copy()

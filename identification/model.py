@@ -1,0 +1,148 @@
+"""The vehicle's model with every number that may be turned."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flightlog.units import to_si
+from identification.dynamics import Drive, answer
+from sim.pipeline import Pipeline
+from sim.terms import CATALOGUE
+from sim.vehicle import Vehicle
+
+Floats = NDArray[np.float64]
+
+STILL = np.zeros(3)
+
+# terms that a vehicle file may lack: in force with numbers that do nothing, so that they can be turned
+NEUTRAL: Mapping[str, Mapping[str, float]] = {
+    "ground_effect": {"gain": 0.0},
+    "fuel": {"rate": 0.0, "capacity": 50.0},
+    "drag": {"area": 0.0, "linear": 0.0},
+    "deadband": {"width": 0.0},
+    "vortex_ring": {"depth": 0.0},
+    "cg_offset": {"x": 0.0, "y": 0.0, "z": 0.0},
+}
+
+
+@dataclass(frozen=True)
+class Knob:
+    """One number of the model: `mass`, `inertia.0` or `terms.<term>.<parameter>`."""
+
+    key: str
+    unit: str
+    nominal: float
+    tolerance: float  # one standard deviation of what the maker does not know; 0: known
+    step: float  # for a derivative
+    low: float
+    high: float
+
+
+class Model:
+    """The terms in force, and those that could be, along measured flights."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        """From a vehicle file; the file's own numbers are the nominal ones."""
+        self.vehicle = vehicle
+        names = [term.name for term in vehicle.terms]
+        added = [name for name in NEUTRAL if name not in names]
+        self._parameters = {name: dict(values) for name, values in vehicle.parameters.items()}
+        self._parameters |= {name: dict(NEUTRAL[name]) for name in added}
+        self._terms = [*vehicle.terms, *(CATALOGUE[name] for name in added)]
+        self._pipeline = Pipeline(self._terms, self._parameters, vehicle.geometry)
+        self.knobs: dict[str, Knob] = {knob.key: knob for knob in self._knobs()}
+
+    @property
+    def toleranced(self) -> list[Knob]:
+        """Numbers that the maker does not know exactly."""
+        return [knob for knob in self.knobs.values() if knob.tolerance > 0.0]
+
+    def answer(
+        self, drive: Drive, wind: Floats, changes: Mapping[str, float] | None = None, puff: Floats = STILL
+    ) -> Floats:
+        """The model's answer (N, 7) along a flight, with some numbers changed [SI].
+
+        wind (3,) [m/s] ENU at 10 m with its profile; puff (3,) the same at every height.
+        """
+        pipeline, inertia = self._pipeline, self.vehicle.inertia.copy()
+        before = pipeline.parameters.copy()
+        mass = float(pipeline.geometry["mass"])
+        try:
+            for key, value in (changes or {}).items():
+                if key == "mass":
+                    pipeline.geometry["mass"] = value
+                elif key.startswith("inertia."):
+                    inertia[int(key[-1])] = value
+                else:
+                    _, term, name = key.split(".")
+                    pipeline.set_parameter(term, name, value)
+            return answer(pipeline, inertia, drive, wind, puff)
+        finally:
+            pipeline.parameters[:] = before
+            pipeline.geometry["mass"] = mass
+
+    def slope(
+        self, drive: Drive, wind: Floats, key: str, at: Mapping[str, float] | None = None, step: float | None = None
+    ) -> Floats:
+        """Derivative (N, 7) of the answer by a number, about `at`; one-sided where the range ends."""
+        knob, at = self.knobs[key], dict(at or {})
+        step = knob.step if step is None else step
+        value = at.get(key, knob.nominal)
+        high, low = min(value + step, knob.high), max(value - step, knob.low)
+        up = self.answer(drive, wind, at | {key: high})
+        down = self.answer(drive, wind, at | {key: low})
+        return (up - down) / (high - low)
+
+    def _knobs(self) -> Sequence[Knob]:
+        document = self.vehicle.document
+        mass = float(self.vehicle.geometry["mass"])
+        knobs = [Knob("mass", "kg", mass, _tolerance(document, "mass", "kg"), 0.01 * mass, 0.1 * mass, 10.0 * mass)]
+        spread = _tolerance(document, "inertia", "kg m^2")
+        for axis, value in enumerate(self.vehicle.inertia.tolist()):
+            of_axis = spread[axis] if isinstance(spread, list) else spread
+            knobs.append(Knob(f"inertia.{axis}", "kg m^2", value, of_axis, 0.02 * value, 0.1 * value, 10.0 * value))
+        for term in self._terms:
+            for p in term.parameters:
+                key = f"terms.{term.name}.{p.name}"
+                value = self._parameters[term.name][p.name]
+                tolerance = _tolerance(document, key, p.unit)
+                step = STEPS.get(key) or tolerance or 0.02 * abs(value)
+                if step > 0.0:
+                    knobs.append(Knob(key, p.unit, value, tolerance, step, p.low, p.high))
+        return knobs
+
+
+# [SI] for the derivative by a number whose nominal value is nothing, or whose effect is rough
+STEPS = {
+    "terms.drag.area": 0.02,
+    "terms.drag.linear": 0.1,
+    "terms.deadband.width": 0.004,
+    "terms.vortex_ring.depth": 0.1,
+    "terms.cg_offset.x": 0.003,
+    "terms.cg_offset.y": 0.003,
+    "terms.cg_offset.z": 0.01,
+    "terms.servo.delay": 0.008,
+    "terms.fuel.rate": 2e-4,
+}
+
+
+def _tolerance(document: Mapping[str, Any], dotted: str, unit: str) -> Any:
+    """A number's tolerance in SI; 0 where the file declares none."""
+    entry: Any = document
+    for part in dotted.split("."):
+        entry = entry.get(part) if isinstance(entry, Mapping) else None
+    if not isinstance(entry, Mapping):
+        return 0.0
+    given = entry.get("tolerance", 0.0)
+    zero = to_si(0.0, entry["unit"], unit)
+    scaled = [to_si(float(v), entry["unit"], unit) - zero for v in (given if isinstance(given, list) else [given])]
+    return scaled if isinstance(given, list) else scaled[0]
+
+
+def describe(knob: Knob) -> dict[str, Any]:
+    """A knob as plain numbers."""
+    return dataclasses.asdict(knob)
