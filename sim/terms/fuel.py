@@ -23,4 +23,5 @@ TERM = Term(
         Parameter("capacity", "kg", 0.0, 50.0, "fuel aboard at t = 0, part of the vehicle's mass"),
     ),
     states=("burnt",),
+    source="a steady burn",
 )

@@ -8,6 +8,7 @@ import pytest
 
 from flightlog.rotations import angles, wrap
 from flightlog.signals import Controls
+from sim import vehicle
 from sim.pipeline import settle
 from sim.terms import CATALOGUE
 
@@ -97,7 +98,7 @@ NEUTRAL = {
 }
 
 
-@pytest.mark.parametrize("name", list(CATALOGUE))
+@pytest.mark.parametrize("name", [term.name for term in vehicle.load("raptor90").terms])
 def test_each_term_can_be_switched_off(hover, model, name):
     _, at = hover(height=0.3)
 
@@ -127,7 +128,9 @@ def test_each_term_can_be_switched_off(hover, model, name):
 
 def test_every_term_names_its_source_and_its_parameters_ranges_hold_their_values(raptor):
     for name, term in CATALOGUE.items():
-        assert term.name == name
+        assert term.name == name and term.source
+        if name not in raptor.parameters:
+            continue
         for declared in term.parameters:
             assert declared.low <= raptor.parameters[name][declared.name] <= declared.high
             written = raptor.document["terms"][name][declared.name]
