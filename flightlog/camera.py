@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+# OpenCV stops after five iterations, which leaves pixels at the corners of a strong lens
+UNDISTORT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 60, 1e-9)
 # columns: the camera's x, y, z axes in body axes; it looks along body -z, image up is forward
 DOWN = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 # it looks along body x, image up is body up
@@ -64,7 +66,9 @@ class CameraModel:
         """Directions (N, 3) with z = 1 in camera axes of pixels (N, 2): the lens taken out."""
         pixels = np.asarray(pixels, float).reshape(-1, 2)
         if self.distorted:
-            flat = cv2.undistortPoints(pixels.reshape(-1, 1, 2), self.matrix, np.array(self.distortion)).reshape(-1, 2)
+            flat = cv2.undistortPoints(
+                pixels.reshape(-1, 1, 2), self.matrix, np.array(self.distortion), criteria=UNDISTORT
+            ).reshape(-1, 2)
         else:
             flat = (pixels - [self.cx, self.cy]) / [self.fx, self.fy]
         return np.column_stack([flat, np.ones(len(flat))])

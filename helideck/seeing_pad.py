@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.eyes import FrontEnd
-from estimators.vision.pose import level_axes
+from estimators.vision.any_h import AnyHFrontEnd
 from estimators.vision.sighting import PadSighting
 from flightlog.camera import CameraModel, CameraMount
 from flightlog.equipment import CameraSpec, Equipment
 from flightlog.errors import UserError
-from flightlog.marks import HMark
+from flightlog.marks import HMark, RingMark
 from flightlog.rotations import quaternion
 from helideck.carrier_attitude import AttitudeTable
 from helideck.pictures import camera_of, read_grey
@@ -24,6 +24,10 @@ Floats = NDArray[np.float64]
 MOUNT = CameraMount.downward(np.zeros(3))
 KNOWN_TILT = math.radians(0.3)  # standard deviation of a roll and pitch that are given
 LEVEL_TILT = math.radians(5.0)  # and of a carrier's that is taken to be level
+SOLVED = math.radians(2.0)  # a tilt that the picture tells better than this is solved
+
+
+How = Literal["given", "solved", "level"]
 
 
 class Words(Protocol):
@@ -68,7 +72,7 @@ class PadAnswer:
     left_std_m: float | None = None
     heading_std_deg: float | None = None
     quality: float | None = None
-    attitude: Literal["given", "solved", "level"] | None = None
+    attitude: How | None = None
     visible: float | None = None  # share of the mark in the picture
 
 
@@ -78,7 +82,7 @@ class PadViewer:
 
     words: Words
     table: AttitudeTable | None
-    _eyes: dict[tuple[int, ...], tuple[CameraModel, FrontEnd]] = field(default_factory=dict)
+    _eyes: dict[tuple[int, ...], FrontEnd] = field(default_factory=dict)
 
     @classmethod
     def of(cls, words: Words) -> "PadViewer":
@@ -98,10 +102,19 @@ class PadViewer:
         """What the picture in a file shows. Raises PictureError where it cannot be read."""
         image = read_grey(path)
         attitude = self._attitude(path)
-        seen = self._eye(image).see(image, quaternion(*(attitude or (0.0, 0.0)), 0.0), None)
+        known = quaternion(*(attitude or (0.0, 0.0)), 0.0)
+        tilt_std = LEVEL_TILT if attitude is None else KNOWN_TILT
+        eye = self._eye(image, tilt_std)
+        if isinstance(eye, AnyHFrontEnd):
+            found = eye.find(image, known)
+            seen = None if found is None else found.pad
+            tilt_std = tilt_std if found is None else found.std_tilt
+        else:
+            seen = eye.see(image, known, None)
         if seen is None:
             return PadAnswer(str(path), found=False)
-        return self._answer(path, seen, attitude)
+        how: How = "given" if attitude is not None else "solved" if tilt_std < SOLVED else "level"
+        return self._answer(path, seen, how, tilt_std)
 
     def _attitude(self, path: Path) -> tuple[float, float] | None:
         if self.table is not None:
@@ -110,36 +123,36 @@ class PadViewer:
             return None
         return math.radians(self.words.roll_deg), math.radians(self.words.pitch_deg)
 
-    def _eye(self, image: NDArray[np.uint8]) -> FrontEnd:
+    def _eye(self, image: NDArray[np.uint8], tilt_std: float) -> FrontEnd:
         if image.shape not in self._eyes:
             w = self.words
-            camera = camera_of(image, w.fx, w.fy, w.cx, w.cy, w.dist)
-            self._eyes[image.shape] = camera, self._front_end(camera)
-        return self._eyes[image.shape][1]
+            self._eyes[image.shape] = self._front_end(camera_of(image, w.fx, w.fy, w.cx, w.cy, w.dist), tilt_std)
+        return self._eyes[image.shape]
 
-    def _front_end(self, camera: CameraModel) -> FrontEnd:
+    def _front_end(self, camera: CameraModel, tilt_std: float) -> FrontEnd:
         from estimators.vision.front_ends import pad_eye
 
-        if self.words.mark == "ring":
-            raise UserError("--mark ring: there is no front end for it yet")
-        mark = HMark(self.words.size, self.words.size, 0.2 * self.words.size)
+        size = self.words.size
+        if self.words.mark == "h" and self.words.variant == "helideck":
+            return AnyHFrontEnd(camera, MOUNT, size, tilt_std=tilt_std)
         spec = CameraSpec(25.0, 0.0, camera, MOUNT, colour=False)
+        mark = RingMark(size) if self.words.mark == "ring" else HMark(size, size, 0.2 * size)
         equipment = Equipment({}, {"down": spec}, mark, 0.0, 0.0, 101325.0, 288.15, np.zeros(3))
         eye = pad_eye(equipment, self.words.variant)
         assert eye is not None
         return eye
 
-    def _answer(self, path: Path, seen: PadSighting, attitude: tuple[float, float] | None) -> PadAnswer:
-        level = level_axes(quaternion(*(attitude or (0.0, 0.0)), 0.0), MOUNT)
-        axes = np.stack([seen.up, level.forward, -level.right])
-        height, forward, left = axes @ seen.position * [-1.0, 1.0, 1.0]
+    def _answer(self, path: Path, seen: PadSighting, how: How, tilt_std: float) -> PadAnswer:
+        forward = np.array([0.0, -1.0, 0.0]) + seen.up[1] * seen.up  # image up, made horizontal
+        forward /= np.linalg.norm(forward)
+        axes = np.stack([-seen.up, forward, np.cross(seen.up, forward)])
+        height, ahead, left = axes @ seen.position
         # a tilt error turns the mark about the camera
-        tilt = np.array([math.hypot(forward, left), height, height]) * (LEVEL_TILT if attitude is None else KNOWN_TILT)
+        tilt = np.array([math.hypot(ahead, left), height, height]) * tilt_std
         std = np.sqrt(np.diag(axes @ seen.covariance[:3, :3] @ axes.T) + tilt**2)
         return PadAnswer(
-            str(path), True, float(height), float(forward), float(left), math.degrees(seen.angle),
-            float(std[0]), float(std[1]), float(std[2]), math.degrees(seen.std_angle), seen.quality,
-            "level" if attitude is None else "given", seen.visible,
+            str(path), True, float(height), float(ahead), float(left), math.degrees(seen.angle),
+            float(std[0]), float(std[1]), float(std[2]), math.degrees(seen.std_angle), seen.quality, how, seen.visible,
         )  # fmt: skip
 
 
@@ -152,5 +165,6 @@ def as_line(answer: dict[str, Any]) -> str:
     return (
         f"{answer['image']}: {answer['height_m']:.3f} +- {answer['height_std_m']:.3f} m above the pad, "
         f"{answer['forward_m']:+.3f} m forward, {answer['left_m']:+.3f} m left, "
-        f"heading {answer['heading_deg']:+.2f} deg (attitude {answer['attitude']}, {100 * answer['visible']:.0f} % of the mark visible)"
+        f"heading {answer['heading_deg']:+.2f} deg (attitude {answer['attitude']}, "
+        f"{100 * answer['visible']:.0f} % of the mark visible)"
     )
