@@ -34,6 +34,7 @@ ALIGNED = 0.012  # [rad] tilt error that is left: trimmed flight is not quite wi
 PLUMB_TAU = 0.5  # [s]
 PLUMB_GATE = 0.3  # [m/s^2] of the plumb line's length about gravity
 PLUMB_TRUST = 0.03  # [rad]
+AXIS_LAG = 0.001  # [rad] by which the heading trails a mark's axis: a gyroscope's bias over the gain, turns
 COAST_TAU = 0.1  # [s] without an inertial sample the last rates are believed so long
 COAST_RATE = 0.1  # [rad/s] at which it may turn then
 
@@ -128,8 +129,9 @@ def propagate(memory, t, fx, fy, fz, wx, wy, wz, tilt_e, tilt_n, variance, aid):
     correction[0] = gain * tilt_n + unaided * a.plumb[1] / GRAVITY
     correction[1] = -gain * tilt_e - unaided * a.plumb[0] / GRAVITY
     a.inputs[3], a.inputs[4] = correction[1], -correction[0]
-    measured = t - a.yaw_time < MEASURED_FOR
-    correction[2] = -a.gain_heading * a.yaw_error if measured else 0.0
+    measured, clear = t - a.yaw_time < MEASURED_FOR, t - a.axis_time < MEASURED_FOR
+    gain_heading = a.gain_axis if clear else a.gain_heading
+    correction[2] = -gain_heading * (a.axis_error if clear else a.yaw_error) if clear or measured else 0.0
     # into the body
     for i in range(3):
         c = r[0, i] * correction[0] + r[1, i] * correction[1] + r[2, i] * correction[2]
@@ -138,6 +140,7 @@ def propagate(memory, t, fx, fy, fz, wx, wy, wz, tilt_e, tilt_n, variance, aid):
         speed = a.integral * level + 0.25 * a.gain_heading * (c - level)
         a.bias[i] = max(-a.bias_limit, min(a.bias_limit, a.bias[i] - dt * speed))
     a.yaw_error += dt * correction[2]  # until the next azimuth
+    a.axis_error += dt * correction[2]
     q = multiply(a.q, from_vector(turn))
     size = math.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
     for i in range(4):
@@ -149,9 +152,9 @@ def propagate(memory, t, fx, fy, fz, wx, wy, wz, tilt_e, tilt_n, variance, aid):
     alone = 2.0 * unaided * (a.floor_level**2 - a.variance_level) + 2.0 * std * learnt
     a.variance_level = aid * variance + (1.0 - aid) * (a.variance_level + dt * alone)
     std = math.sqrt(a.variance_heading)
-    if measured:
-        floor = min(a.floor_heading**2, a.variance_deviation) + 0.0025**2
-        a.variance_heading += dt * 2.0 * a.gain_heading * (floor - a.variance_heading)
+    if clear or measured:
+        floor = a.axis_variance + AXIS_LAG**2 if clear else min(a.floor_heading**2, a.variance_deviation) + 0.0025**2
+        a.variance_heading += dt * 2.0 * gain_heading * (floor - a.variance_heading)
     else:
         a.variance_heading += dt * 2.0 * std * learnt
     a.variance_heading = min(a.variance_heading, math.pi**2)
@@ -184,6 +187,7 @@ class AttitudeGains:
     integral: float = 0.05  # [1/s] of the levelling, to the gyroscopes' bias
     level_unaided: float = 0.07  # [1/s] by the plumb line: manoeuvres must average out
     heading: float = 0.4  # [1/s]
+    axis: float = 2.0  # [1/s] heading by a mark's axis
 
 
 class AttitudeFilter:
@@ -201,7 +205,7 @@ class AttitudeFilter:
         a["earth_field"] = equipment.magnetic_field
         a["nominal_speed"] = a["rotor_speed"] = equipment.nominal_rotor_speed
         a["gain"], a["gain_heading"], a["gain_unaided"] = gains.level, gains.heading, gains.level_unaided
-        a["integral"] = gains.integral
+        a["integral"], a["gain_axis"] = gains.integral, gains.axis
         accelerometer = math.hypot(imu["accel_bias_std"], imu["accel_drift_std"], GRAVITY * imu["misalignment_std"])
         a["gyro_std"] = math.hypot(imu["gyro_bias_std"], imu["gyro_drift_std"])
         a["bias_limit"] = 5.0 * a["gyro_std"]
@@ -218,7 +222,7 @@ class AttitudeFilter:
             a["floor_heading"] = math.hypot(left, mag["misalignment_std"], dip)
             a["field_noise"] = math.hypot(mag["noise"] / horizontal, 0.002)
         a["variance_deviation"] = a["floor_heading"] ** 2
-        a["yaw_time"] = a["deviation_time"] = -math.inf
+        a["yaw_time"] = a["axis_time"] = a["deviation_time"] = -math.inf
 
     @property
     def quaternion(self) -> Floats:

@@ -35,6 +35,9 @@ ATTITUDE = np.dtype(
         ("variance_heading", "f8"),  # [rad^2]
         ("yaw_error", "f8"),  # [rad] estimated minus measured, counter-clockwise
         ("yaw_time", "f8"),  # [s] when that was measured
+        ("axis_error", "f8"),  # [rad] the same by a mark's axis alone, where that is much the better
+        ("axis_time", "f8"),  # [s] when that was seen
+        ("axis_variance", "f8"),  # [rad^2]
         ("deviation", "f8"),  # [rad] azimuth by magnetometer minus true, counter-clockwise
         ("variance_deviation", "f8"),  # [rad^2]
         ("deviation_time", "f8"),  # [s]
@@ -53,6 +56,7 @@ ATTITUDE = np.dtype(
         ("gain", "f8"),  # [1/s] proportional, level
         ("integral", "f8"),  # [1/s] share of the levelling that goes to the gyroscopes' bias
         ("gain_heading", "f8"),  # [1/s]
+        ("gain_axis", "f8"),  # [1/s] the same by a mark's axis
         ("gain_unaided", "f8"),  # [1/s] level, by the plumb line
         ("bias_limit", "f8"),  # [rad/s]
         ("floor_level", "f8"),  # [rad] what b/g and misalignment leave

@@ -23,11 +23,13 @@ from estimators.attitude import AttitudeFilter
 from estimators.eyes import Eyes, FlowEye, expect_pad
 from estimators.flow_inertial import FlowFusion
 from estimators.heading import correct_axis, correct_azimuth
+from estimators.horizon_fusion import HorizonFusion
 from estimators.lever_arms import antenna, pad_in_world, ranger
 from estimators.position import PositionFilter, PositionNoise
 from estimators.replay import AHEAD
 from estimators.vision.sighting import PadPrediction
 from flightlog.equipment import CameraSpec, Equipment
+from flightlog.rotations import matrix
 from flightlog.signals import (
     BaroSample,
     FlowSample,
@@ -51,6 +53,7 @@ LONGEST_GAP = 60.0  # [s] an inertial sample farther ahead has a broken stamp
 GRAIN = 0.003  # [m] neither mount nor pad are known better
 SCALE = 1e-3  # [1] of the lateral distance: focal length
 ALIKE = 10.0  # echoes
+SAME_INSTANT = 1e-3  # [s]
 AT_REST = (0.002, 0.02)  # [m], [m/s] a flight begins by flow alone, trimmed over its origin
 
 
@@ -66,14 +69,16 @@ def _memory_length(equipment: Equipment) -> int:
 class Navigator:
     """Built from the sensors as known aboard.
 
-    What the horizons' eyes see is given out among the detections and drawn; the attitude does not use it.
+    What the horizons' eyes see is given out among the detections and drawn; the attitude uses it where it is told to.
     """
 
-    def __init__(self, equipment: Equipment, eyes: Eyes | None = None, *, flow: bool = False) -> None:
+    def __init__(
+        self, equipment: Equipment, eyes: Eyes | None = None, *, flow: bool = False, horizon: bool = False
+    ) -> None:
         """Compiles what is not compiled yet, then waits for the first samples.
 
         `flow`: optical flow is used. It tells the way from somewhere: from where the flight begins, at rest, which is
-        then the horizontal origin.
+        then the horizontal origin. `horizon`: what is seen of the horizon levels the attitude.
         """
         self._epochs = _memory_length(equipment)
         chain.compile_all(self._epochs)
@@ -100,6 +105,8 @@ class Navigator:
         self._baro = sensors.get("baro")
         self._down = equipment.cameras.get("down")
         self._flow = FlowFusion(self._down) if flow and self._down is not None else None
+        self._level = HorizonFusion(dips=equipment.horizon_dips) if horizon else None
+        self._horizon_time = -math.inf  # [s] of the last picture with a horizon
         self._first = 0.0  # [s] the first sample
         self._handlers: Mapping[type, Callable[[Any], None]] = {
             ImuSample: self._take_imu,
@@ -135,6 +142,7 @@ class Navigator:
             counts["gps"] += int(high[[altitude.GPS, altitude.GPS_CLIMB]].sum() + side[: position.VISION_1].sum())
             counts["pad"] += int(high[altitude.VISION] + side[position.VISION_1 : position.FLOW_E].sum())
             counts["flow"] += int(side[position.FLOW_E : position.KEY_E].sum())
+            counts["horizon"] += int(side[[position.HORIZON_AHEAD, position.HORIZON_ASIDE]].sum())
         return MappingProxyType({topic: count for topic, count in counts.items() if count})
 
     @property
@@ -289,7 +297,11 @@ class Navigator:
         self._see(s, np.diag([s.std_x**2, s.std_y**2, s.std_z**2]))
 
     def _take_horizon(self, s: HorizonSample) -> None:
-        """Not used: the inertial attitude with its aid is better than a horizon over hills."""
+        if self._level is None or self._waits(lambda: self._take_horizon(s)):
+            return
+        if s.t > self._time + AHEAD or not self._level.take(s, self._attitude, self._altitude, self._position):
+            self._refuse("horizon")
+        self._correct = True
 
     def _take_flow(self, s: FlowSample) -> None:
         if self._flow is None or self._waits(lambda: self._take_flow(s)):
@@ -323,23 +335,34 @@ class Navigator:
         )  # fmt: skip
         self._detections.append(sample)
         self._see(sample, np.ascontiguousarray(seen.covariance[:3, :3]))
+        if seen.level is not None:
+            # the pad is level: what its normal is off by in the world is the tilt error of the attitude
+            turn = matrix(q) @ camera.mount.axes
+            d_e, d_n, _ = (turn @ seen.level.up).tolist()
+            c = turn @ seen.level.covariance @ turn.T
+            self._position.tilt(frame.t, d_e, d_n, c[0, 0], c[0, 1], c[1, 1])
 
     def _look_down(self, frame: Frame, eye: FlowEye) -> None:
         """The ground's motion in the down camera's picture."""
         sample = eye.see(frame)
+        self._overlays["down"] = eye.lines
         if sample is not None:
             self._detections.append(sample)
             self._take_flow(sample)
 
     def _look_ahead(self, frame: Frame) -> None:
         """The horizon in a forward camera's picture."""
-        seen = self._horizons[frame.camera].see(frame.image)
+        seen = self._horizons[frame.camera].see(frame.image, frame.t)
         self._overlays[frame.camera] = () if seen is None else (np.array(seen.line),)
-        # one device, one topic: the first camera's horizon is logged, the others' are drawn
-        if seen is not None and frame.camera == next(iter(self._horizons)):
-            self._detections.append(
-                HorizonSample(frame.t, frame.t_arrival, seen.roll, seen.pitch, seen.std_roll, seen.std_pitch, True)
-            )
+        # one topic, one sample an instant: what another camera sees in the same instant is drawn only
+        if seen is None or frame.t < self._horizon_time + SAME_INSTANT:
+            return
+        self._horizon_time = frame.t
+        sample = HorizonSample(
+            frame.t, frame.t_arrival, seen.roll, seen.pitch, seen.std_roll, seen.std_pitch, True
+        )  # fmt: skip
+        self._detections.append(sample)
+        self._take_horizon(sample)
 
     def _see(self, s: PadSample, covariance: Floats) -> None:
         """One sighting with its covariance (3, 3) in camera axes [m^2]."""

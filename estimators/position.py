@@ -36,9 +36,10 @@ Floats = NDArray[np.float64]
 
 E, N, VE, VN, D_E, D_N, A_E, A_N, G_E, G_N, K_E, K_N = range(12)  # states; the last two only where there is flow
 GPS_E, GPS_N, GPS_VE, GPS_VN, VISION_1, VISION_2 = range(6)  # components
+TILT_1, TILT_2, HORIZON_AHEAD, HORIZON_ASIDE = range(10, 14)
 # what a picture says of the way to it comes before what begins with it
 FLOW_E, FLOW_N, KEY_E, KEY_N = range(6, 10)
-TOPIC_GPS, TOPIC_GPS_VELOCITY, TOPIC_VISION, TOPIC_FLOW = range(4)
+TOPIC_GPS, TOPIC_GPS_VELOCITY, TOPIC_VISION, TOPIC_FLOW, TOPIC_TILT, TOPIC_HORIZON = range(6)
 GRAIN = 1e-4  # [m] of a copied place
 BLIND = 5.0  # [m] a direction that the picture leaves this open is not measured
 
@@ -112,6 +113,10 @@ def model(noise: PositionNoise, *, flow: bool = False) -> LinearModel:
         Component(TOPIC_FLOW, patience=25, jump=K_N),
         Component(TOPIC_FLOW, patience=25, copies=K_E),
         Component(TOPIC_FLOW, patience=25, copies=K_N),
+        Component(TOPIC_TILT, patience=25),
+        Component(TOPIC_TILT, patience=25),
+        Component(TOPIC_HORIZON, patience=50, jump=D_E),
+        Component(TOPIC_HORIZON, patience=50, jump=D_N),
     ]
     return LinearModel(dynamics, inputs, density, driven, components)
 
@@ -150,14 +155,19 @@ class PositionFilter:
         A mark cut by the picture's edge may leave one direction open, which seldom is east or north: the covariance
         is turned to its principal axes, and each is a scalar measurement of its own, uncorrelated with the other.
         """
-        mean, half = 0.5 * (c_ee + c_nn), 0.5 * (c_ee - c_nn)
-        spread = math.hypot(half, c_en)
-        # cos and sin of the large axis, counter-clockwise from east
-        turn = 0.5 * math.atan2(c_en, half) if spread > 1e-12 * mean else 0.0
-        c, s = math.cos(turn), math.sin(turn)
-        return self._along(t, VISION_1, c, s, c * e + s * n, mean + spread, height) and self._along(
-            t, VISION_2, -s, c, -s * e + c * n, mean - spread, height
+        c, s, large, small = _principal(c_ee, c_en, c_nn)
+        return self._along(t, VISION_1, c, s, c * e + s * n, large, height) and self._along(
+            t, VISION_2, -s, c, -s * e + c * n, small, height
         )
+
+    def tilt(self, t: float, d_e: float, d_n: float, c_ee: float, c_en: float, c_nn: float) -> bool:
+        """Tilt error [rad] of the attitude in force at `t`, as a picture's perspective shows it, and its covariance."""
+        c, s, large, small = _principal(c_ee, c_en, c_nn)
+        row, insert = self._row, self.kalman.insert
+        row[E], row[N], row[D_E], row[D_N] = 0.0, 0.0, c, s
+        taken = insert(t, TILT_1, row, c * d_e + s * d_n, large) == TAKEN
+        row[D_E], row[D_N] = -s, c
+        return insert(t, TILT_2, row, -s * d_e + c * d_n, small) == TAKEN and taken
 
     def _along(self, t: float, component: int, c: float, s: float, z: float, variance: float, height: float) -> bool:
         if variance > BLIND * BLIND:
@@ -165,6 +175,17 @@ class PositionFilter:
         row = self._row
         row[E], row[N], row[D_E], row[D_N] = c, s, c * height, s * height
         return self.kalman.insert(t, component, row, z, variance) == TAKEN
+
+    def horizon(
+        self, t: float, c: float, s: float, ahead: float, aside: float, variance_ahead: float, variance_aside: float
+    ) -> bool:
+        """Tilt error [rad] along a horizontal direction (c east, s north) and along the one to its left; [rad^2]."""
+        row, insert = self._way, self.kalman.insert
+        row[:] = 0.0
+        row[D_E], row[D_N] = c, s
+        taken = insert(t, HORIZON_AHEAD, row, ahead, variance_ahead) == TAKEN
+        row[D_E], row[D_N] = -s, c
+        return insert(t, HORIZON_ASIDE, row, aside, variance_aside) == TAKEN and taken
 
     def begin(self, t: float, since: float, position: float, velocity: float) -> bool:
         """At rest over the origin from `since` to `t` [s], to so many metres and metres a second (1 sigma)."""
@@ -200,3 +221,11 @@ class PositionFilter:
         row[:] = 0.0
         row[E + axis], row[D_E + axis] = 1.0, height
         return row
+
+
+def _principal(c_ee: float, c_en: float, c_nn: float) -> tuple[float, float, float, float]:
+    """Cosine and sine of a covariance's large axis, counter-clockwise from east, and the two variances."""
+    mean, half = 0.5 * (c_ee + c_nn), 0.5 * (c_ee - c_nn)
+    spread = math.hypot(half, c_en)
+    turn = 0.5 * math.atan2(c_en, half) if spread > 1e-12 * mean else 0.0
+    return math.cos(turn), math.sin(turn), mean + spread, mean - spread

@@ -37,6 +37,8 @@ class EdgeFit:
     expected: int  # edge points of the model in the picture
     contrast: float  # [grey levels] mark minus surroundings
     bleed: float  # [px] common outward shift
+    tilt: Floats  # (2,) [rad] by which the level turns about the camera's x and y, from the picture alone: no prior
+    tilt_covariance: Floats  # (2, 2) [rad^2] of it
 
 
 def fit_outline(
@@ -113,10 +115,19 @@ def fit_outline(
     noise = SHARED * max(NOISE_FLOOR, residual * np.sqrt(freedom))
     kept = jacobian[inliers]
     information = kept.T @ kept / noise**2 + np.diag(np.concatenate([1.0 / VAGUE**2, precision[4:]]))
-    covariance = np.linalg.inv(information)[:4, :4]
+    inverse = np.linalg.inv(information)
+    covariance = inverse[:4, :4]
+    tilt, tilt_covariance = _without_prior(total[4:6], inverse[4:6, 4:6], prior[4:6])
     # a wrong tilt of a tilted camera also turns its heading
     covariance[3, 3] += tilt_std**2 * (1.0 - level.up[2] ** 2)
     return EdgeFit(
         pose, axes, covariance, residual, used, len(chosen.points),
-        polarity * float(np.median(heights[good][inliers])), float(total[6]),
+        polarity * float(np.median(heights[good][inliers])), float(total[6]), tilt, tilt_covariance,
     )  # fmt: skip
+
+
+def _without_prior(mean: Floats, covariance: Floats, prior_std: Floats) -> tuple[Floats, Floats]:
+    """What was measured of some unknowns, from their posterior and a prior about 0: information subtracted."""
+    information = np.linalg.inv(covariance)
+    left = np.linalg.inv(information - np.diag((1.0 - 1e-6) / prior_std**2))
+    return left @ information @ mean, left

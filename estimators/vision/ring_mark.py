@@ -19,7 +19,8 @@ from estimators.vision.h_mark import reduced
 from estimators.vision.pose import LevelAxes, MarkPose, level_axes, place
 from estimators.vision.ring_samples import WIDE, ring_samples
 from estimators.vision.ring_search import RingSearch
-from estimators.vision.sighting import PadPrediction, PadSighting
+from estimators.vision.robust import NOISE_FLOOR
+from estimators.vision.sighting import PadPrediction, PadSighting, SeenLevel
 from flightlog.camera import CameraModel, CameraMount
 from flightlog.marks import RingMark
 
@@ -39,6 +40,8 @@ PRIOR_WIDTH = 3.0  # a prediction holds a fit with this many times its standard 
 GATE = 5.0  # standard deviations between prediction and a followed mark
 FARTHEST = 0.96  # [mark sizes] of any edge from the centre
 OPEN_ANGLE = 3.0  # [rad]
+LEVEL_KNOWN = math.radians(1.0)  # the pad's normal is given where perspective shows it better than that
+WARP = 0.02  # [px] by which edges may be off together so as to look like a tilt: lens, paint, texture filter
 
 
 class RingFrontEnd:
@@ -116,7 +119,7 @@ class RingFrontEnd:
         fit = self._refine(image, level, start, prior, min(3.0 * spread + 1.5, room))
         if fit is None or not self._agrees(fit, start, std):
             return None
-        return self._sighting(fit, tracked=True)
+        return self._sighting(fit, level, tracked=True)
 
     def _agrees(self, fit: EdgeFit, start: MarkPose, std: Floats) -> bool:
         """Whether a followed mark is good enough, and where it was expected."""
@@ -190,13 +193,11 @@ class RingFrontEnd:
         if right - left < 20 or bottom - top < 20:
             return None
         region = np.asarray(cv2.medianBlur(np.ascontiguousarray(image[top:bottom, left:right]), 3), np.uint8)
-        angle = None if prediction is None or prediction.std_angle > 0.2 else prediction.angle
-        for poses in self._search.poses(region, (left, top), level, angle):
+        for poses in self._search.poses(region, (left, top), level, prediction.angle if prediction else 0.0):
             for start, turned in poses:
-                known = turned or angle is not None
-                fit = self._verified(image, level, start, known)
+                fit = self._verified(image, level, start, turned)
                 if fit is not None:
-                    return self._sighting(fit, tracked=False, turned=known)
+                    return self._sighting(fit, level, tracked=False, turned=turned)
         return None
 
     def _region(self, prediction: PadPrediction | None) -> tuple[int, int, int, int]:
@@ -225,7 +226,7 @@ class RingFrontEnd:
 
     # answering
 
-    def _sighting(self, fit: EdgeFit, *, tracked: bool, turned: bool = True) -> PadSighting:
+    def _sighting(self, fit: EdgeFit, given: LevelAxes, *, tracked: bool, turned: bool = True) -> PadSighting:
         inside = self.camera.contains(self.camera.project(place(self._inside, fit.pose, fit.level)), -0.5)
         covariance = fit.covariance + self._systematic(fit.pose.position)
         if not turned:
@@ -246,7 +247,23 @@ class RingFrontEnd:
             up=fit.level.up,
             residual=fit.residual,
             contrast=fit.contrast,
+            level=self._level(fit, given),
         )
+
+    @staticmethod
+    def _level(fit: EdgeFit, given: LevelAxes) -> SeenLevel | None:
+        """The pad's normal as the picture alone shows it.
+
+        White noise averages out over the edge points, what they have in common does not: with n points of noise s, an
+        error of `WARP` in the tilt's own pattern is WARP sqrt(n) / s standard deviations.
+        """
+        covariance = fit.tilt_covariance * (1.0 + fit.used * (WARP / max(fit.residual, NOISE_FLOOR)) ** 2)
+        if not np.all(np.isfinite(covariance)) or np.max(np.diag(covariance)) > LEVEL_KNOWN**2:
+            return None
+        up = given.turned(np.append(fit.tilt, 0.0)).up
+        # a turn e about the camera's x and y moves the normal by e x up
+        moved = np.array([[0.0, up[2]], [-up[2], 0.0], [up[1], -up[0]]])
+        return SeenLevel(up, moved @ covariance @ moved.T)
 
     def _systematic(self, position: Floats) -> Floats:
         """Covariance (4, 4) of what does not average out over a picture's edges."""

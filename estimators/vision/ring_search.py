@@ -54,11 +54,12 @@ class RingSearch:
         self._polar, self._pattern = _around(mark)
 
     def poses(
-        self, region: Image, corner: tuple[int, int], level: LevelAxes, angle: float | None
+        self, region: Image, corner: tuple[int, int], level: LevelAxes, angle: float
     ) -> Iterator[list[tuple[MarkPose, bool]]]:
         """Likeliest poses first, a list for each threshold; with each whether its angle is known.
 
-        region: a part of the picture, its upper left pixel at `corner` (x, y); angle [rad]: where one is expected.
+        region: a part of the picture, its upper left pixel at `corner` (x, y); angle [rad]: of the poses for which the
+        picture does not tell.
         """
         for mask, polarity in masks(region):
             if polarity < 0:
@@ -130,7 +131,7 @@ class RingSearch:
         return different
 
     def _turned(
-        self, region: Image, corner: tuple[int, int], pose: MarkPose, level: LevelAxes, angle: float | None
+        self, region: Image, corner: tuple[int, int], pose: MarkPose, level: LevelAxes, angle: float
     ) -> tuple[MarkPose, bool] | None:
         """The pose with the angle at which the bars match best, and whether enough is in the picture to tell.
 
@@ -145,7 +146,7 @@ class RingSearch:
         shape = self._pattern.shape
         grey, weight = (grey * seen).reshape(shape), seen.reshape(shape).astype(float)
         if weight.mean() < 0.5:
-            return MarkPose(pose.position, angle or 0.0), False
+            return MarkPose(pose.position, angle), False
         grey = np.where(weight > 0, grey - grey.sum() / weight.sum(), 0.0)
         match = _correlation(grey, self._pattern) / np.sqrt(
             np.maximum(np.sum(grey**2) * _correlation(weight, self._pattern**2), 1e-9)

@@ -23,6 +23,14 @@ class PadPrediction:
 
 
 @dataclass(frozen=True, eq=False)
+class SeenLevel:
+    """The pad's normal by perspective alone: the attitude that the front end was given is not in it."""
+
+    up: Floats  # (3,) camera axes
+    covariance: Floats  # (3, 3) [rad^2] of it
+
+
+@dataclass(frozen=True, eq=False)
 class PadSighting:
     """One sighting of the mark.
 
@@ -48,3 +56,4 @@ class PadSighting:
     up: Floats  # (3,) the pad's normal in camera axes as fitted (the attitude's, corrected within tilt_std)
     residual: float  # [px] RMS of the edge points used
     contrast: float  # [grey levels] mark minus surroundings across its edges; negative for a dark mark
+    level: SeenLevel | None = None  # where the mark is large enough in the picture to show its tilt
