@@ -95,3 +95,25 @@ def print_reproduction(reproduction: Reproduction, page: Path, stream: IO[str]) 
             table.add_row(f"{f.quantity} [{f.unit}]".replace("[", "\\["), *figures, verdict(f))
         console.print(table)
     console.print(f"{reproduction.sentence}; {page}")
+
+
+def print_estimation(document: Mapping[str, Any]) -> None:
+    """What was estimated from a log, and what the log has to say of itself."""
+    console = Console(highlight=False)
+    console.print(f"[bold]{document['log']}[/bold]: {document['duration_s']:.1f} s by the navigator "
+                  f"{document['navigator']} ({document['variant']})", soft_wrap=True)  # fmt: skip
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_row("used", ", ".join(document["topics_used"]))
+    table.add_row("missing", ", ".join(document["topics_missing"]) or "nothing")
+    if document["height"] is not None:
+        table.add_row("height", f"{document['height']['min_m']:.2f} .. {document['height']['max_m']:.2f} m")
+    rejected = ", ".join(f"{topic} {count}" for topic, count in document["rejected"].items())
+    table.add_row("samples rejected", rejected or "none")
+    for axis, error in (document["errors"] or {}).items():
+        unit = "m" if len(axis) == 1 else "m/s" if len(axis) == 2 else "rad"
+        table.add_row(f"error {axis}", f"mean {error['mean']:.3f}, max {error['max']:.3f}, std {error['std']:.3f}, "
+                      f"rmse {error['rmse']:.3f} {unit} against {document['judged_by']}")  # fmt: skip
+    table.add_row("written to", str(document["estimate"]))
+    console.print(table)
+    for note in document["notes"]:
+        console.print(f"note: {note}", soft_wrap=True, markup=False)

@@ -116,7 +116,7 @@ def read_dataflash(path: Path) -> Log:
     source = _Source(messages, draft)
     for translate in _TRANSLATORS:
         translate(source)
-    return draft.finish()
+    return draft.finish({"parameters": source.parameters})
 
 
 def _own_time(message: Messages) -> Floats | None:

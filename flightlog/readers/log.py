@@ -35,7 +35,7 @@ class Log:
     notes: tuple[str, ...]
     segments: tuple[tuple[float, float], ...]
     timed: frozenset[str]
-    document: Mapping[str, Any] = field(default_factory=dict)  # what flight.json says, of a flight folder
+    document: Mapping[str, Any] = field(default_factory=dict)  # flight.json of a flight folder; else `parameters`
 
     def segment(self, index: int) -> dict[str, Table]:
         """The tables of one segment; topics without rows in it are left out."""

@@ -70,7 +70,8 @@ class _Source:
     def __init__(self, path: Path, draft: Draft) -> None:
         self.draft = draft
         self._found: dict[str, list[_Dataset]] = {}
-        for dataset in _parse(path, draft):
+        datasets, self.parameters = _parse(path, draft)
+        for dataset in datasets:
             if "timestamp" in dataset.data and len(dataset.data["timestamp"]):
                 self._found.setdefault(dataset.name, []).append(_Dataset(dataset.data))
 
@@ -89,10 +90,11 @@ def read_ulog(path: Path) -> Log:
     source = _Source(path, draft)
     for translate in _TRANSLATORS:
         translate(source)
-    return draft.finish()
+    return draft.finish({"parameters": source.parameters})
 
 
-def _parse(path: Path, draft: Draft) -> list[Any]:
+def _parse(path: Path, draft: Draft) -> tuple[list[Any], dict[str, Any]]:
+    """(pyulog's data sets, parameters at the start)."""
     from pyulog import ULog
 
     try:
@@ -116,7 +118,7 @@ def _parse(path: Path, draft: Draft) -> list[Any]:
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts) / 1000.0
         draft.note(f"{path.name}: {len(log.dropouts)} dropout(s) of the logger, {lost:.2f} s in all")
-    return list(log.data_list)
+    return list(log.data_list), dict(log.initial_parameters)
 
 
 # --- one topic each ---------------------------------------------------------------------------------------------------
