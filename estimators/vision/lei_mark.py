@@ -38,7 +38,7 @@ Region = Literal["whole", "predicted"]
 LENGTH_STD = 1.65  # [px] of the contour's length: on the stairs' four heights that is the paper's 0.351 m
 SMALLEST_SIDE = 24.0  # [px]
 LARGEST_SHARE = 0.6  # of the picture
-AREA_RANGE = (0.5, 2.0)  # of the area that the predicted height means
+AREA_RANGE = (0.7, 1.5)  # of the area that the predicted height means
 MARGIN = 0.75  # [sides] of the predicted region around the mark's centre
 LEAST_CONTRAST = 8.0  # [grey levels]
 
@@ -47,8 +47,9 @@ LEAST_CONTRAST = 8.0  # [grey levels]
 class LeiReading:
     """One reading of what the paper leaves open before the height.
 
-    `thresholds` are tried in their order until a contour matches. The printed one alone loses a mark that is small in
-    the picture or stands before a noisy ground; in a region it holds further, and plain Otsu does what is left.
+    `thresholds` are tried in their order until a contour matches by `good`, else the best match of all counts. The
+    printed one alone loses a mark that is small in the picture or stands before a noisy ground; in a region it holds
+    further, and plain Otsu does what is left.
     """
 
     thresholds: tuple[Threshold, ...] = ("printed", "open", "otsu")
@@ -56,6 +57,7 @@ class LeiReading:
     median: Literal[1, 3, 5] = 3  # [px] side of equation 1's window
     edges: Edges = "canny"
     invariants: Invariants = "extended"  # I6 and I7 as well: I2 and I3 of an H are nothing but noise
+    good: float = 0.3  # value of equation 4 with which no other threshold is tried
     worst: float = 0.8  # largest value of equation 4
     height: HeightReading = field(default_factory=HeightReading)
 
@@ -108,6 +110,7 @@ class LeiFrontEnd:
         if min(right - left, bottom - top) < SMALLEST_SIDE:
             return None
         region = np.ascontiguousarray(grey[top:bottom, left:right])
+        best: tuple[Match, float] | None = None
         for kind in self.reading.thresholds:
             level = otsu(region) if kind == "otsu" else modified_otsu(region, kind)
             if level is None or class_contrast(region, level) < LEAST_CONTRAST:
@@ -117,10 +120,12 @@ class LeiFrontEnd:
                 mask, self._template, area=self._area_bounds(prediction), worst=self.reading.worst,
                 edges=self.reading.edges, invariants=self.reading.invariants,
             )  # fmt: skip
-            if matched is not None:
+            if matched is not None and (best is None or matched.value < best[0].value):
                 placed = Match(matched.contour + np.array([left, top], np.int32), matched.value, matched.area)
-                return placed, class_contrast(region, level)
-        return None
+                best = placed, class_contrast(region, level)
+                if matched.value <= self.reading.good:
+                    break
+        return best
 
     def _region(self, prediction: PadPrediction | None) -> tuple[int, int, int, int]:
         """Left, top, right, bottom [px], right and bottom excluded."""

@@ -1,20 +1,18 @@
 """Lei 2012, figure 5: distance to a 20 cm H on a desk, from pictures alone."""
 
 from collections.abc import Sequence
-from itertools import product
 from typing import Any
 
 import cv2
 import numpy as np
 
 from estimators.vision.h_mark import HMarkFrontEnd
-from estimators.vision.lei_height import Form, HeightReading, Length, Pixels, height
 from estimators.vision.lei_mark import LeiFrontEnd, LeiReading, Threshold
 from estimators.vision.pose import level_axes
 from flightlog.marks import HMark
-from flightlog.rotations import angles
 from scenarios.experiments.contract import Effort, Figure, Job, Outcome, Picture, Plot, Series
-from scenarios.experiments.still_camera import CAMERA, MOUNT, Stand, StillCamera, height_bound, stand, still_camera
+from scenarios.experiments.lei_readings import PUBLISHED, heights, table
+from scenarios.experiments.still_camera import CAMERA, MOUNT, StillCamera, edge_noise, height_bound, stand, still_camera
 from sim.cameras.exposure import Exposure
 from sim.cameras.imaging import Imaging
 from sim.cameras.noise import Noise
@@ -37,11 +35,6 @@ NEAR = np.arange(0.5, 1.51, 0.1)  # [m]
 FAR = np.arange(1.75, 3.01, 0.25)  # [m] ours alone is judged there
 CALIBRATED_AT = 0.8  # [m]
 TILT, STRAY, TURN = np.radians(1.0), 0.01, np.pi
-EDGE_STD = 0.1  # [px] for the bound
-PUBLISHED = HeightReading()  # side of the smallest rectangle, pixels taken for square, equation 7
-LENGTHS: tuple[Length, ...] = ("side", "perimeter", "root_area")
-FORMS: tuple[tuple[Pixels, Form], ...] = (("raw", "printed"), ("calibrated", "printed"), ("calibrated", "exact"))
-READINGS = [HeightReading(length, *form) for length, form in product(LENGTHS, FORMS)]
 THRESHOLDS: tuple[Threshold, ...] = ("printed", "open", "otsu")
 
 
@@ -50,16 +43,6 @@ def jobs(effort: Effort) -> Sequence[Job]:
     pictures = 8 if effort == "full" else 1
     cost = 2.0 + 0.05 * pictures * (len(NEAR) + len(FAR))
     return [Job(measure, (run, pictures), f"desk, run {run + 1}", cost) for run in range(RUNS)]
-
-
-def heights(front_end: LeiFrontEnd, image: Any, where: Stand) -> list[float]:
-    """Of one picture by each of READINGS, uncalibrated; NaN where the mark is not found."""
-    found = front_end.find(image)
-    if found is None:
-        return [np.nan] * len(READINGS)
-    contour, level = found[0].contour.astype(float), level_axes(where.attitude, MOUNT)
-    roll, pitch, _ = angles(where.attitude)
-    return [height(contour, MARK.outline(), CAMERA, level, (roll, pitch), reading) for reading in READINGS]
 
 
 def measure(run: int, pictures: int) -> dict[str, Any]:
@@ -79,10 +62,10 @@ def measure(run: int, pictures: int) -> dict[str, Any]:
                 rows.append(
                     {
                         "distance": float(distance),
-                        "published": factors * heights(published, image, where) - distance,
+                        "published": factors * heights(published, image, where.attitude) - distance,
                         "ours": np.nan if sighting is None else float(-sighting.position @ down - distance),
                         "seen": [eye.find(image) is not None for eye in alone],
-                        "bound": height_bound(MARK, where, EDGE_STD),
+                        "bound": height_bound(MARK, where, edge_noise(INDOORS)),
                     }
                 )
     answer = {name: np.array([row[name] for row in rows]) for name in rows[0]}
@@ -104,7 +87,7 @@ def annotated(front_end: LeiFrontEnd, image: Any) -> Any:
 def calibrate(camera: StillCamera, front_end: LeiFrontEnd, rng: np.random.Generator) -> Any:
     """What each of READINGS has to multiply f by, from one picture set up like any other."""
     where = stand(rng, CALIBRATED_AT, tilt=TILT, stray=STRAY, turn=TURN)
-    return CALIBRATED_AT / np.array(heights(front_end, camera.picture(where, 100_000), where))
+    return CALIBRATED_AT / heights(front_end, camera.picture(where, 100_000), where.attitude)
 
 
 def conclude(effort: Effort, answers: Sequence[Any]) -> Outcome:
@@ -112,17 +95,8 @@ def conclude(effort: Effort, answers: Sequence[Any]) -> Outcome:
     rows = {name: np.concatenate([answer[name] for answer in answers]) for name in answers[0] if name != "picture"}
     near = rows["distance"] < NEAR[-1] + 0.01
     published = np.abs(rows["published"])
-    faithful = published[near][:, READINGS.index(PUBLISHED)]
+    faithful = published[near][:, PUBLISHED]
     ours = np.abs(rows["ours"])
-    table = [
-        {
-            "length": reading.length,
-            "pixels": "on the level plane" if reading.form == "exact" else reading.pixels,
-            "mean |error| [cm]": round(100 * float(np.nanmean(column)), 2),
-            "largest [cm]": round(100 * float(np.nanmax(column)), 2),
-        }
-        for reading, column in zip(READINGS, published[near].T, strict=True)
-    ]
     found = [
         {
             "threshold": kind,
@@ -148,13 +122,13 @@ def conclude(effort: Effort, answers: Sequence[Any]) -> Outcome:
                 "distance [m]", "error [cm]",
                 [
                     Series("published reading", rows["distance"],
-                           100 * rows["published"][:, READINGS.index(PUBLISHED)], "points"),
+                           100 * rows["published"][:, PUBLISHED], "points"),
                     Series("ours", rows["distance"], 100 * rows["ours"], "points"),
                 ],
                 bands=[("the paper's largest", -5.0, 5.0)],
             ),
             Plot(
-                "Ours alone", "Error against the Cramer-Rao bound for edges known to 0.1 px, attitude known.",
+                "Ours alone", "Error, and the Cramer-Rao bound of one picture with this noise, attitude known.",
                 "distance [m]", "error [mm]",
                 [
                     Series("ours", rows["distance"], 1e3 * rows["ours"], "points"),
@@ -173,7 +147,7 @@ def conclude(effort: Effort, answers: Sequence[Any]) -> Outcome:
             "with the heading, and the calibration takes up what it happened to be in one picture.",
         ],
         tables=[
-            ("Every reading of 'length', to 1.5 m", table),
+            ("Every reading of 'length', to 1.5 m", table(rows["published"][near], 0.01, "cm")),
             ("Pictures in which a threshold alone shows the H", found),
         ],
     )  # fmt: skip

@@ -20,6 +20,7 @@ from sim.cameras.renderer import Renderer
 from sim.cameras.request import FrameRequest
 from sim.light import Light
 from sim.scene import compose
+from sim.textures import ASPHALT, PAINT
 
 Floats = NDArray[np.float64]
 
@@ -27,6 +28,7 @@ CAMERA = CameraModel.centred(768, 494, 952.4, 816.3)  # Lei 2012: 8 mm before a 
 MOUNT = CameraMount.downward(np.zeros(3))
 VEHICLE = assets.path("vehicles", "raptor90.xml")  # carries the camera; it is not in its own pictures
 ASIDE = Light(math.radians(12.0))  # throws the vehicle's shadow out of the picture
+SPOT = 0.6  # [px] defocus, texture filter and pixel together, as a Gaussian's deviation
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +82,17 @@ def still_camera(mark: Mark, scene: str, imaging: Imaging, seed: int) -> Iterato
     spec = CameraSpec(25.0, 0.0, CAMERA, MOUNT, colour=False)
     with Renderer(compose(VEHICLE, scene, mark, {"down": spec}, ASIDE), {"down": imaging}, seed) as renderer:
         yield StillCamera(renderer)
+
+
+def edge_noise(imaging: Imaging) -> float:
+    """Standard deviation [px] of the best estimate of an edge's place from one row of pixels across it.
+
+    (sigma/A) sqrt(2 sqrt(pi) s) for noise sigma, step A and a Gaussian spot s: Cramer-Rao with pixels as samples.
+    """
+    full = 255.0 * Light.HORIZONTAL * imaging.exposure.gain * ASIDE.illuminance
+    levels = np.array([PAINT, ASPHALT]) * full
+    variance = imaging.noise.read**2 + imaging.noise.shot**2 * levels.mean() / 255.0
+    return float(math.sqrt(variance * 2.0 * math.sqrt(math.pi) * SPOT) / (levels[0] - levels[1]))
 
 
 def height_bound(mark: HMark, where: Stand, edge_std: float) -> float:
