@@ -1,7 +1,7 @@
 """What sees pictures for a navigator, and what it is told beforehand."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -32,13 +32,21 @@ class FrontEnd(Protocol):
 class HorizonEye(Protocol):
     """What sees the horizon in a picture of a forward camera."""
 
-    def see(self, image: NDArray[np.uint8]) -> HorizonSighting | None:
-        """Roll and pitch of the vehicle from a picture (H, W, 3) RGB; None where there is no horizon in it."""
+    def see(self, image: NDArray[np.uint8], t: float = math.nan) -> HorizonSighting | None:
+        """Roll and pitch of the vehicle from a picture (H, W, 3) RGB of the time `t` [s]; None without a horizon.
+
+        Where two cameras make one eye, the later of their two pictures of one time answers.
+        """
         ...
 
 
 class FlowEye(Protocol):
     """What sees the ground move between pictures; remembers the pictures that it compares with."""
+
+    @property
+    def lines(self) -> Sequence[Floats]:
+        """Lines (N, 2) [px] to draw over the last picture."""
+        ...
 
     def see(self, frame: Frame) -> FlowSample | None:
         """Image motion up to this picture (H, W); None for the first, or where there is nothing to compare."""

@@ -51,3 +51,4 @@ class Equipment:
     surface_pressure: float  # [Pa] as read on the pad
     surface_temperature: float  # [K]
     magnetic_field: Floats  # (3,) [uT] ENU at the pad
+    horizon_dips: bool = False  # the horizon lies below elevation 0, as on the round earth

@@ -45,7 +45,7 @@ def make_equipment(scenario: Scenario, aboard: Vehicle, world: World) -> Equipme
     """What the navigator is told: the sensors as fitted to the vehicle `aboard`, and what was read on the pad."""
     pressure, temperature = world.pad_reading
     site = replace(world.site, surface_pressure=pressure, surface_temperature=temperature)
-    return aboard.equipment(PADS[scenario.pad], site)
+    return replace(aboard.equipment(PADS[scenario.pad], site), horizon_dips=scenario.horizon_dip)
 
 
 def _start(scenario: Scenario, seeds: np.random.SeedSequence) -> Start:

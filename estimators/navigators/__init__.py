@@ -9,7 +9,7 @@ from estimators.navigators.contract import Variant as Variant
 from flightlog.equipment import Equipment
 from flightlog.errors import UserError
 
-NAVIGATORS: tuple[str, ...] = ("helideck", "lei2012", "wu2019", "zeng")  # each a module of this package
+NAVIGATORS: tuple[str, ...] = ("helideck", "lei2012", "wu2019", "zeng", "huang")  # each a module of this package
 
 
 def make(name: str, equipment: Equipment, *, variant: Variant = "helideck", sees: bool) -> Navigator:

@@ -6,6 +6,7 @@ from estimators.eyes import FlowEye, FrontEnd, HorizonEye
 from estimators.vision.flow import KeyFrameFlowEye
 from estimators.vision.h_mark import HMarkFrontEnd
 from estimators.vision.horizon import HorizonFrontEnd
+from estimators.vision.huang_horizon import HuangPair
 from estimators.vision.integer_flow import IntegerFlowEye
 from estimators.vision.lei_mark import LeiFrontEnd
 from estimators.vision.ring_mark import RingFrontEnd
@@ -33,6 +34,10 @@ def pad_eye(equipment: Equipment, variant: Variant) -> FrontEnd | None:
 def horizon_eyes(equipment: Equipment, variant: Variant) -> dict[str, HorizonEye]:
     """What looks for the horizon in each forward camera's pictures."""
     ahead = {name: camera for name, camera in equipment.cameras.items() if name.startswith("forward")}
+    if variant == "published" and {"forward_a", "forward_b"} <= ahead.keys():
+        a, b = ahead["forward_a"], ahead["forward_b"]
+        pair = HuangPair((a.model, a.mount), (b.model, b.mount))
+        return {"forward_a": pair.eye("a"), "forward_b": pair.eye("b")}
     return {name: HorizonFrontEnd(camera.model, camera.mount) for name, camera in ahead.items()}
 
 

@@ -58,8 +58,8 @@ class HorizonFrontEnd:
             )  # fmt: skip
             self._maps = np.asarray(x, np.float32), np.asarray(y, np.float32)
 
-    def see(self, image: Image) -> HorizonSighting | None:
-        """The horizon in a picture (H, W, 3) RGB or (H, W), or None."""
+    def see(self, image: Image, t: float = math.nan) -> HorizonSighting | None:
+        """The horizon in a picture (H, W, 3) RGB or (H, W), or None; its time `t` [s] does not matter here."""
         if image.shape[:2] != (self.camera.height, self.camera.width):
             raise ValueError(
                 f"picture: {image.shape[1]}x{image.shape[0]}, the camera has {self.camera.width}x{self.camera.height}"
