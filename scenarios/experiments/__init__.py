@@ -5,7 +5,11 @@ from typing import cast
 
 from scenarios.experiments.contract import Experiment as Experiment
 
-EXPERIMENTS: tuple[str, ...] = ("lei2012_desk", "lei2012_stairs", "wu2019_calibration")  # modules of this package in the order of the report
+EXPERIMENTS: tuple[str, ...] = (  # modules of this package in the order of the report
+    "lei2012_desk",
+    "lei2012_stairs",
+    "wu2019_calibration",
+)
 
 
 def experiments(system: str | None = None) -> list[Experiment]:

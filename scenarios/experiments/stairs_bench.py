@@ -95,7 +95,8 @@ def minute(landing: int, seconds: float) -> Minute:
                 )
             )
     columns = [np.array(column) for column in zip(*rows, strict=True)]
-    return Minute(height, t_gps, gps, t_baro, baro, times, *columns, height_bound(MARK, setup, edge_noise(LIGHT_WELL)), image)
+    bound = height_bound(MARK, setup, edge_noise(LIGHT_WELL))
+    return Minute(height, t_gps, gps, t_baro, baro, times, *columns, bound, image)
 
 
 def _walk(value: Floats, std: float, tau: float, dt: float, rng: np.random.Generator) -> Floats:
