@@ -160,8 +160,8 @@ def conclude(effort: Effort, answers: Sequence[Any]) -> Outcome:
         notes=[
             "Camera: read noise 2.0, shot noise 3.5 grey levels at 255; defocus 0.4 px; 8 bits. GPS 5 Hz, barometer "
             f"10 Hz, pictures {RATE} Hz.",
-            "Bounds: Cramer-Rao of one picture with this noise, an edge point a pixel of outline. Edges known to 0.1 px, "
-            "what a cautious designer would count on, give 0.25, 1.1, 2.8 and 5.6 mm.",
+            "Bounds: Cramer-Rao of one picture with this noise, an edge point a pixel of outline. Edges known to "
+            "0.1 px, what a cautious designer would count on, give 0.25, 1.1, 2.8 and 5.6 mm.",
             f"Pictures in which the H was found: published {100 * float(np.mean(np.isfinite(seen[:, PUBLISHED]))):.1f} "
             f"%, ours {100 * float(np.mean(np.isfinite(pooled('ours')))):.1f} %.",
         ],
