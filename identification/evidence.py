@@ -1,17 +1,16 @@
 """From flights to the stack that hypotheses compete on."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.causes import CATALOGUE, Cause, Change, Parameter
-from identification.competition import Competition
-from identification.drive import Driven, Noise, drive, judge
+from identification.drive import Driven, Noise, drive
 from identification.flight import Flight
 from identification.model import Model
-from identification.stack import Rows, signatures, stack
+from identification.stack import Rows, signatures
 from sim.vehicle import Vehicle
 
 Floats = NDArray[np.float64]
@@ -36,24 +35,28 @@ def testable(vehicle: Vehicle, topics: set[str]) -> tuple[list[Cause], dict[str,
     return [cause for cause in of_kind if not lacking[cause.name]], {n: m for n, m in lacking.items() if m}
 
 
-def knob_slopes(model: Model, flight: Flight, wind: Floats, keys: Sequence[str]) -> dict[str, Floats]:
-    """Derivative (N, 7) of the answer by every one of these numbers, one-sided from the nominal answer."""
-    base = model.answer(flight.drive, wind)
+def knob_slopes(
+    model: Model, flight: Flight, wind: Floats, keys: Sequence[str], at: Mapping[str, float] | None = None
+) -> dict[str, Floats]:
+    """Derivative (N, 7) of the answer by every one of these numbers, one-sided, about the nominal or changed model."""
+    at = dict(at or {})
+    base = model.answer(flight.drive, wind, at)
     found = {}
     for key in keys:
         knob = model.knobs[key]
-        step = knob.step if knob.nominal + knob.step <= knob.high else -knob.step
-        found[key] = (model.answer(flight.drive, wind, {key: knob.nominal + step}) - base) / step
+        value = at.get(key, knob.nominal)
+        step = knob.step if value + knob.step <= knob.high else -knob.step
+        found[key] = (model.answer(flight.drive, wind, at | {key: value + step}) - base) / step
     return found
 
 
-def wind_slopes(model: Model, flight: Flight, wind: Floats) -> Floats:
+def wind_slopes(model: Model, flight: Flight, wind: Floats, at: Mapping[str, float] | None = None) -> Floats:
     """Derivative (N, 7, 2) of the answer by the wind at 10 m, east and north."""
     found = []
     for axis in range(2):
         step = np.zeros(3)
         step[axis] = 0.5
-        found.append(model.answer(flight.drive, wind + step) - model.answer(flight.drive, wind - step))
+        found.append(model.answer(flight.drive, wind + step, at) - model.answer(flight.drive, wind - step, at))
     return np.stack(found, axis=-1)
 
 
@@ -119,9 +122,8 @@ def _declared(flight: Flight, vehicle: Vehicle) -> list[tuple[Parameter, Change,
     return found
 
 
-def compete(model: Model, evidence: Sequence[Evidence], causes: Sequence[Cause]) -> Competition:
-    """All hypotheses on all flights."""
-    keys = list(evidence[0].rows.signatures)
+def priors(model: Model, causes: Sequence[Cause]) -> tuple[dict[str, float], dict[str, float]]:
+    """By parameter key, what may be without any cause, and how large a cause may make it."""
     tolerances = {knob.key: knob.tolerance for knob in model.toleranced}
     sensors = model.vehicle.document["sensors"]
     for cause in causes:
@@ -130,7 +132,16 @@ def compete(model: Model, evidence: Sequence[Evidence], causes: Sequence[Cause])
                 _, topic, name = p.tolerance.split(".")
                 tolerances[p.key] = float(sensors[topic][name]["tolerance"])
     spreads = {p.key: max(p.spread, 3.0 * tolerances.get(p.key, 0.0)) for cause in causes for p in cause.parameters}
-    return Competition(stack([item.rows for item in evidence], keys), tolerances, causes, spreads)
+    return tolerances, spreads
+
+
+def unexplained(item: Evidence, tolerances: Mapping[str, float], spreads: Mapping[str, float]) -> Floats:
+    """What is left (R,) of a flight after everything that has a name was taken out."""
+    rows = item.rows
+    std = {key: max(tolerances.get(key, 0.0), spreads.get(key, 0.0)) for key in rows.signatures}
+    full = np.column_stack([rows.local * rows.local_std, *(rows.signatures[key] * std[key] for key in std)])
+    solved = np.linalg.solve(np.eye(full.shape[1]) + full.T @ full, full.T @ rows.residual)
+    return np.asarray(rows.residual - full @ solved)
 
 
 def winds(model: Model, flight: Flight, noise: Noise, spread: float) -> Floats:
@@ -160,5 +171,3 @@ def refined(noise: Noise, evidence: Sequence[Evidence], left: Sequence[Floats]) 
         process=tuple(n * s for n, s in zip(noise.process, f, strict=True)),
     )  # fmt: skip
 
-
-__all__ = ["Evidence", "compete", "gather", "judge", "refined", "testable", "whiten", "winds"]
