@@ -103,14 +103,17 @@ def fit_circle(points: Floats) -> Circle | None:
         return None
     middle = points.mean(axis=0)
     x, y = (points - middle).T
-    rows = np.column_stack([2.0 * x, 2.0 * y, np.ones_like(x)])
-    solution, _, rank, _ = np.linalg.lstsq(rows, x * x + y * y, rcond=1e-9)
-    squared = solution[2] + solution[0] ** 2 + solution[1] ** 2
-    if rank < 3 or not squared > 0.0:
+    square = x * x + y * y
+    xx, xy, yy = float(x @ x), float(x @ y), float(y @ y)
+    determinant = xx * yy - xy * xy
+    if not determinant > 1e-12 * (xx + yy) ** 2:
         return None
-    radius = math.sqrt(squared)
-    distances = np.hypot(x - solution[0], y - solution[1]) - radius
-    return Circle(middle + solution[:2], radius, float(np.sqrt(np.mean(distances**2))))
+    # about the centroid the third unknown, the mean of the squares, parts from the centre's two
+    right, up = 0.5 * float(square @ x), 0.5 * float(square @ y)
+    a, b = (yy * right - xy * up) / determinant, (xx * up - xy * right) / determinant
+    radius = math.sqrt(float(square.mean()) + a * a + b * b)
+    distances = np.hypot(x - a, y - b) - radius
+    return Circle(middle + [a, b], radius, float(np.sqrt(np.mean(distances**2))))
 
 
 def image_of_circle(to_picture: Floats, radius: float, centre: tuple[float, float] = (0.0, 0.0)) -> Ellipse | None:

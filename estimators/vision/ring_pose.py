@@ -31,14 +31,16 @@ UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 RING_POINTS = 72
 REACH = 3.0  # [px] from the contour to its edge
 WINDOW = 3  # [px] half side of the corner refinement's window
-PASSES = 3  # of pairing ring points anew
+PASSES = 2  # of pairing ring points anew
+ROUGH, FINE = 1e-5, 1e-6  # [rad] to which the corners alone, and all points, are iterated
+MOST_CONTOUR = 400  # points of it that the ellipse is fitted to
 RAGGED = 1.5  # [px] RMS beyond which the points are not the mark's
 TWO_ALIKE = 4.0  # ratio of the two minima's errors below which the attitude decides
 LEAST_STD = 0.1  # [px] of an edge point or corner
 
 
 class RingPoseFrontEnd:
-    """Looks for one ring landmark with three or more of its Ts' corners. Keeps nothing from one picture to the next."""
+    """Looks for one ring landmark with six or more of its Ts' corners. Keeps nothing from one picture to the next."""
 
     def __init__(self, camera: CameraModel, mount: CameraMount, mark: RingMark, *, roi: bool = True) -> None:
         """roi: look only where the prediction has the mark, and everywhere if it is not there."""
@@ -75,8 +77,8 @@ class RingPoseFrontEnd:
         if edge is None or found.sum() < 4:
             return None
         points = _Points(self._corners[found], corners[found], edge, features.radius)
-        poses = self._poses(points, level)
-        return None if not poses else self._sighting(poses[0], points, level, source)
+        pose = self._pose(points, level)
+        return None if pose is None else self._sighting(pose, points, level, source)
 
     def _refined(self, grey: Image, corner: tuple[int, int], features: RingFeatures) -> Floats:
         """The Ts' corners (16, 2) [px] to a fraction of a pixel; NaN where not found."""
@@ -91,7 +93,8 @@ class RingPoseFrontEnd:
 
     def _edge(self, grey: Image, corner: tuple[int, int], features: RingFeatures) -> Floats | None:
         """Points (N, 2) [px] on the outermost ring's edge, along the normals of the ellipse through its contour."""
-        ellipse = fit_ellipse(features.contour - corner)
+        thinned = features.contour[:: max(1, len(features.contour) // MOST_CONTOUR)]
+        ellipse = fit_ellipse(thinned - corner)
         if ellipse is None:
             return None
         points = ellipse.points(RING_POINTS)
@@ -103,23 +106,21 @@ class RingPoseFrontEnd:
             return None
         return np.asarray((points + offsets[:, None] * normals)[seen] + corner)
 
-    def _poses(self, seen: "_Points", level: LevelAxes) -> list[PointPose]:
-        """Poses that fit the points, the likeliest first."""
+    def _pose(self, seen: "_Points", level: LevelAxes) -> PointPose | None:
+        """The pose that fits the points; of two that fit alike the one that the attitude says."""
         corner_rays, edge_rays = self.camera.rays(seen.corners), self.camera.rays(seen.edge)
-        rays = np.vstack([corner_rays, edge_rays])
-        found = []
-        for pose in lhm.solve(seen.model, corner_rays):
-            for _ in range(PASSES):
-                points = np.vstack([seen.model, _on_ring(edge_rays, seen.radius, pose)])
-                sums = lhm.gather(points, rays)
-                rotation, rounds = lhm.iterate(sums, pose.rotation, settled=1e-7)
-                pose = PointPose(rotation, lhm.translation(sums, rotation), float(lhm.error(sums, rotation)), rounds)
-            if pose.translation[2] > 0.0:
-                found.append(pose)
-        found.sort(key=lambda pose: pose.error)
+        found = lhm.solve(seen.model, corner_rays, settled=ROUGH)
+        if not found:
+            return None
+        pose = found[0]
         if len(found) == 2 and found[1].error < TWO_ALIKE * found[0].error:
-            found.sort(key=lambda pose: -float(pose.rotation[:, 2] @ level.up))
-        return found
+            pose = max(found, key=lambda item: float(item.rotation[:, 2] @ level.up))
+        rays = np.vstack([corner_rays, edge_rays])
+        for _ in range(PASSES):
+            sums = lhm.gather(np.vstack([seen.model, _on_ring(edge_rays, seen.radius, pose)]), rays)
+            rotation, rounds = lhm.descend(sums, pose.rotation, FINE)
+            pose = PointPose(rotation, lhm.translation(sums, rotation), float(lhm.error(sums, rotation)), rounds)
+        return pose if pose.translation[2] > 0.0 else None
 
     def _sighting(self, pose: PointPose, seen: "_Points", level: LevelAxes, source: str) -> PadSighting | None:
         position, normal = pose.translation, pose.rotation[:, 2]

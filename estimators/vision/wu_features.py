@@ -24,6 +24,7 @@ Image = NDArray[np.uint8]
 ToPlane = Callable[[Floats], Floats]  # pixels (N, 2) of the picture given -> (N, 2) right, forward per unit of height
 
 LEAST_POINTS = 40  # of a contour
+FEW = 48  # of them for a first look
 CANNY = (50.0, 150.0)  # on a binary picture any pair will do
 ROUND = 0.035  # RMS distance from a circle over its radius; a tilt of 10 deg makes 0.01
 WIDEST_GAP = math.radians(40.0)  # a contour open any wider is no ring
@@ -62,15 +63,21 @@ def find_ring(binary: Image, to_plane: ToPlane, mark: RingMark) -> tuple[Floats,
     Returns the contour (N, 2) [px] of its outer edge, the circle through it on the plane and its true radius [m].
     """
     edges = cv2.Canny(binary, *CANNY)
-    contours, _ = cv2.findContours(edges, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    contours, hierarchy = cv2.findContours(edges, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     circles: list[tuple[Circle, Floats, bool]] = []
-    for contour in contours:
-        if len(contour) < LEAST_POINTS:
+    for number, contour in enumerate(contours):
+        # a line of edge pixels is a component; its inner side is not traced again
+        if len(contour) < LEAST_POINTS or hierarchy[0][number][3] >= 0:
             continue
         _, _, width, height = cv2.boundingRect(contour)
-        if min(width, height) < 0.5 * max(width, height):
+        # an ellipse fills pi/4 of its box if it lies along it, a little less or more if not
+        filled = cv2.contourArea(contour) / (0.25 * math.pi * width * height)
+        if min(width, height) < 0.5 * max(width, height) or not 0.8 < filled < 1.15:
             continue
         pixels = contour.reshape(-1, 2).astype(float)
+        # most contours are no circle, which a few of their points show as well
+        if _circle(to_plane(pixels[:: max(1, len(pixels) // FEW)])) is None:
+            continue
         circle = _circle(to_plane(pixels))
         if circle is not None:
             circles.append((circle, pixels, _bright_within(binary, pixels)))
