@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.vision.blur_fit import Beliefs, BlurFit, Look, fit_blurred
-from estimators.vision.cut_h import cut_starts
+from estimators.vision.cut_h import cut_starts, enough_seen
 from estimators.vision.h_mark import reduced
 from estimators.vision.level_sets import Blob, blobs
 from estimators.vision.pose import (
@@ -148,12 +148,12 @@ class AnyHFrontEnd:
                     if fit.explained > CLEAR:
                         return fit
         if best is None:
-            for blob in shapes:
-                if blob.cut:
-                    for look in cut_starts(blob, here.camera, level, self._usual, self._spread):
-                        fit = self._tried(look, blob.polarity, scales, False)
-                        if fit is not None and (best is None or fit.explained > best.explained):
-                            best = fit
+            for blob in (blob for blob in shapes if blob.cut):
+                for pose, mark in cut_starts(blob.contour, here.camera, level, self._usual, self._spread):
+                    start = Look(pose, level, np.zeros(2), mark, np.zeros(2), 0.9)
+                    fit = self._tried(start, blob.polarity, scales, False)
+                    if fit is not None and (best is None or fit.explained > best.explained):
+                        best = fit
         return best
 
     def _whole(self, blob: Blob, camera: CameraModel, level: LevelAxes) -> Look | None:
@@ -198,15 +198,19 @@ class AnyHFrontEnd:
         tilt = self.tilt_std if carried or self.tilt_std < math.radians(1.0) else 1e-3
         start = replace(look, sweep=look.sweep / scale.factor, blur=max(look.blur / scale.factor, 0.4))
         fit = fit_blurred(scale.image, scale.camera, start, Beliefs(self._usual, self._spread, tilt), iterations=25)
-        if fit is None or not sound(fit):
+        if fit is None or not sound(fit) or not enough_seen(self._corners(fit.look), self.camera):
             return None
         worse = float(np.sqrt(np.linalg.eigvalsh(fit.covariance[4:6, 4:6])[-1])) if tilt > 1e-3 else self.tilt_std
         return AnyHSighting(self._sighting(fit, scale), fit.look.mark, min(worse, self.tilt_std))
 
+    def _corners(self, look: Look) -> Floats:
+        """Corners (12, 2) [px] of the outline."""
+        return self.camera.project(place(look.mark.outline(), look.pose, look.axes))
+
     def _sighting(self, fit: BlurFit, scale: _Scale) -> PadSighting:
         look = fit.look
         pose, axes = look.pose, look.axes
-        corners = self.camera.project(place(look.mark.outline(), pose, axes))
+        corners = self._corners(look)
         whole = bool(self.camera.contains(corners, -0.5).all())
         per_pixel = pose.position[2] / np.array([scale.camera.fx, scale.camera.fy])
         along = pose.position * FAULTS / self._leg_in(look, scale)

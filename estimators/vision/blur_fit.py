@@ -299,7 +299,7 @@ def _result(image: Image, camera: CameraModel, look: Look, beliefs: Beliefs) -> 
     anatomy = np.linalg.solve(gram.T @ gram + ridge, gram.T @ patch.grey)[3:] / contrast
     seen, whole = shares.sum(axis=0), _whole_parts(camera, look, to_mark)
     return BlurFit(
-        look, covariance, explained, np.where(seen > 0.4 * whole, anatomy, np.nan), contrast, scale,
+        look, covariance, explained, np.where(seen > 0.25 * whole, anatomy, np.nan), contrast, scale,
         float(min(seen[:5].sum() / whole[:5].sum(), 1.0)),
     )  # fmt: skip
 

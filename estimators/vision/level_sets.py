@@ -23,7 +23,8 @@ FEWEST = 30  # [px] of a mark
 GRID = 12  # cells a side of the stretched shape
 LEAST_ALIKE = 0.5  # overlap with an H, intersection over union
 SAME = 0.75  # overlap of boxes that show the same thing
-MOST = 14  # shapes worth a closer look
+MOST, MOST_CUT = 14, 8  # shapes worth a closer look
+LEAST_ANGULAR = 0.75
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +34,16 @@ class Blob:
     contour: NDArray[np.int32]  # (N, 1, 2) [px]
     polarity: int  # +1 light, -1 dark
     cut: bool  # touches the picture's border
-    alike: float  # [0..1] overlap with the H
+    alike: float  # [0..1] overlap with the H; where it is cut, share of the outline that goes along two directions
     centre: Floats  # (2,) [px]
-    legs: Floats  # (2,) [px] from end to end of a leg, along the H's axis
+    legs: Floats  # (2,) [px] from end to end of a leg, along the H's axis; without meaning where it is cut
     across: Floats  # (2,) [px] over the H's width
     stroke: float  # over the leg's length
     level: float  # [grey level]
 
 
 def blobs(grey: Image) -> list[Blob]:
-    """Level sets of a picture (H, W) that may be an H, likeliest first; those that are cut come as they are."""
+    """Level sets of a picture (H, W) that may be an H, likeliest first; then those that the picture's edge cuts."""
     found: list[Blob] = []
     counts = np.cumsum(np.bincount(grey.ravel(), minlength=256))
     # a level beyond which next to nothing lies shows no mark
@@ -63,13 +64,14 @@ def blobs(grey: Image) -> list[Blob]:
                 if blob is not None:
                     found.append(blob)
     found.sort(key=lambda blob: -blob.alike)
-    return _distinct(found)
+    whole, cut = [b for b in found if not b.cut], [b for b in found if b.cut]
+    return _distinct(whole, MOST) + _distinct(cut, MOST_CUT)
 
 
 def _blob(contour: NDArray[np.int32], polarity: int, level: float, shape: tuple[int, ...]) -> Blob | None:
     """A contour as a blob, where it may be an H."""
     x, y, w, h = cv2.boundingRect(contour)
-    if min(w, h) < SMALLEST or w * h > 0.95 * shape[0] * shape[1]:
+    if min(w, h) < SMALLEST:
         return None
     cut = x <= 0 or y <= 0 or x + w >= shape[1] or y + h >= shape[0]
     hull = cv2.convexHull(contour)
@@ -88,14 +90,35 @@ def _blob(contour: NDArray[np.int32], polarity: int, level: float, shape: tuple[
         return None
     c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     first, second = np.array([c, s]) * sides[0], np.array([-s, c]) * sides[1]
-    square = _stretched(contour, np.asarray(centre), first, second)
-    best, stroke, lengthwise = _best_h(square)
-    if best < LEAST_ALIKE and not cut:
+    if cut:
+        alike = _angular(contour, shape)
+        if alike < LEAST_ANGULAR:
+            return None
+        return Blob(contour, polarity, True, alike, np.asarray(centre, float), first, second, 0.2, level)
+    best, stroke, lengthwise = _best_h(_stretched(contour, np.asarray(centre), first, second))
+    if best < LEAST_ALIKE:
         return None
     legs, across = (second, first) if lengthwise else (first, second)
     if not lengthwise:
         across = -across
-    return Blob(contour, polarity, cut, best, np.asarray(centre, float), legs, across, stroke, level)
+    return Blob(contour, polarity, False, best, np.asarray(centre, float), legs, across, stroke, level)
+
+
+def _angular(contour: NDArray[np.int32], shape: tuple[int, ...]) -> float:
+    """Share of the outline within the picture that goes along two directions at right angles; 0 for foliage."""
+    perimeter = cv2.arcLength(contour, True)
+    corners = cv2.approxPolyDP(contour, float(np.clip(0.008 * perimeter, 1.5, 10.0)), True).reshape(-1, 2).astype(float)
+    if not 5 <= len(corners) <= 24:
+        return 0.0
+    size = np.array([shape[1], shape[0]]) - 1.0
+    following = np.roll(corners, -1, axis=0)
+    sides = following - corners
+    on_border = ((corners < 2) & (following < 2) | (corners > size - 2) & (following > size - 2)).any(axis=1)
+    lengths = np.where(on_border, 0.0, np.hypot(*sides.T))
+    directions = np.arctan2(sides[:, 1], sides[:, 0])
+    main = np.angle((lengths * np.exp(4j * directions)).sum())
+    aligned = np.cos(4 * directions - main) > 0.7
+    return float(lengths[aligned].sum() / max(lengths.sum(), 1e-9))
 
 
 def _stretched(contour: NDArray[np.int32], centre: Floats, first: Floats, second: Floats) -> Image:
@@ -136,7 +159,7 @@ def _best_h(square: Image) -> tuple[float, float, bool]:
     return best
 
 
-def _distinct(found: list[Blob]) -> list[Blob]:
+def _distinct(found: list[Blob], most: int) -> list[Blob]:
     """The best of those that show the same thing."""
     kept: list[Blob] = []
     boxes: list[Floats] = []
@@ -151,6 +174,6 @@ def _distinct(found: list[Blob]) -> list[Blob]:
         else:
             kept.append(blob)
             boxes.append(box)
-        if len(kept) >= MOST:
+        if len(kept) >= most:
             break
     return kept
