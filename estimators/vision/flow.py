@@ -7,6 +7,7 @@ robustly: what moves otherwise, such as a shadow, loses the vote.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -57,7 +58,7 @@ class Motion:
     plane: Floats  # (3, 3) key frame's undistorted tangents to the picture's
     share: float  # [0..1] of the key frame's blocks that agree
     residual: float  # [px] RMS of those
-    blocks: Floats  # (N, 2) [px] where they lie in the picture
+    blocks: Floats  # (N, 2, 2) [px] their middles in the key frame and in the picture
 
 
 class KeyFrameFlowEye:
@@ -69,6 +70,11 @@ class KeyFrameFlowEye:
         self._plane = np.eye(3)
         self._failures = 0
         self.motion: Motion | None = None  # of the last picture
+
+    @property
+    def lines(self) -> Sequence[Floats]:
+        """Lines (2, 2) [px] to draw over the last picture: the way of each block since the key frame."""
+        return () if self.motion is None else tuple(self.motion.blocks)
 
     def see(self, frame: Frame) -> FlowSample | None:
         """Image motion from the key frame to this picture (H, W); None for the first.
@@ -141,7 +147,7 @@ class KeyFrameFlowEye:
             plane=np.linalg.inv(scale) @ plane @ scale,
             share=float(np.count_nonzero(agrees)) / len(key.corners),
             residual=float(np.sqrt(np.mean(missed**2))),
-            blocks=there[agrees],
+            blocks=np.stack([centres, there], axis=1)[agrees],
         )
 
     def _coarse(self, key: _Key, image: Image, warp: Floats) -> Floats | None:

@@ -6,6 +6,7 @@ search of 4 pixels either way, blocks without texture left out, and the motion t
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 from estimators.vision import sad
 from flightlog.camera import CameraModel
 from flightlog.signals import FlowSample, Frame
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,11 @@ class IntegerFlowEye:
         starts = np.arange(settings.reach, settings.window - settings.reach - settings.size + 1, settings.size)
         self._corners = np.stack(np.meshgrid(starts, starts), axis=-1).reshape(-1, 2).astype(np.int64)
         self._last: tuple[float, NDArray[np.uint8]] | None = None
+
+    @property
+    def lines(self) -> Sequence[Floats]:
+        """None."""
+        return ()
 
     def see(self, frame: Frame) -> FlowSample | None:
         """Image motion since the picture before; None for the first. Quality: the share of the blocks that agree."""
