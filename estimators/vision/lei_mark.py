@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.vision.contours import ShapeTemplate
-from estimators.vision.lei_height import HeightReading, focal, height
+from estimators.vision.lei_height import HeightReading, focal, height, length
 from estimators.vision.lei_match import Edges, Invariants, Match, match
 from estimators.vision.pose import (
     LevelAxes,
@@ -24,7 +24,7 @@ from estimators.vision.pose import (
     wrap_axis,
 )
 from estimators.vision.sighting import PadPrediction, PadSighting
-from estimators.vision.threshold import above, class_contrast, modified_otsu, otsu
+from estimators.vision.threshold import above, modified_otsu, otsu
 from flightlog.camera import CameraModel, CameraMount
 from flightlog.marks import HMark
 from flightlog.rotations import angles
@@ -36,7 +36,7 @@ Threshold = Literal["printed", "open", "otsu"]
 Region = Literal["whole", "predicted"]
 
 LENGTH_STD = 1.65  # [px] of the contour's length: on the stairs' four heights that is the paper's 0.351 m
-SMALLEST_SIDE = 24.0  # [px]
+SMALLEST_SIDE = 30.0  # [px]
 LARGEST_SHARE = 0.6  # of the picture
 AREA_RANGE = (0.7, 1.5)  # of the area that the predicted height means
 MARGIN = 0.75  # [sides] of the predicted region around the mark's centre
@@ -62,6 +62,15 @@ class LeiReading:
     height: HeightReading = field(default_factory=HeightReading)
 
 
+def stands_out(grey: Image, contour: NDArray[np.int32]) -> float:
+    """Mean grey level inside a contour (N, 2) less that of the rest of the box around it."""
+    x, y, w, h = cv2.boundingRect(contour)
+    inside = np.zeros((h, w), np.uint8)
+    cv2.drawContours(inside, [contour.reshape(-1, 1, 2)], -1, 255, cv2.FILLED, offset=(-x, -y))
+    box = grey[y : y + h, x : x + w]
+    return float(cv2.mean(box, inside)[0] - cv2.mean(box, cv2.bitwise_not(inside))[0])
+
+
 class LeiFrontEnd:
     """Looks for one H in the pictures of one camera. Keeps nothing from one picture to the next."""
 
@@ -74,6 +83,7 @@ class LeiFrontEnd:
         self._template = ShapeTemplate.of(self._outline)
         moments = cv2.moments(self._outline.astype(np.float32))
         self._area = moments["m00"]  # [m^2]
+        self._raggedness = length(self._outline, "perimeter") / math.sqrt(self._area)
         self._lengthwise = moments["mu02"] / moments["mu20"]
         self._size = max(mark.leg, mark.width)
 
@@ -102,10 +112,7 @@ class LeiFrontEnd:
         return self._sighting(matched, contrast, above_mark, flat, level, tracked=prediction is not None)
 
     def find(self, grey: Image, prediction: PadPrediction | None = None) -> tuple[Match, float] | None:
-        """The mark's contour in a grey picture (H, W), and the contrast [grey levels] of the threshold that showed it.
-
-        Contour in the whole picture's pixels.
-        """
+        """The mark's contour in a grey picture (H, W), in its pixels, and how far it stands out [grey levels]."""
         left, top, right, bottom = self._region(prediction)
         if min(right - left, bottom - top) < SMALLEST_SIDE:
             return None
@@ -113,18 +120,21 @@ class LeiFrontEnd:
         best: tuple[Match, float] | None = None
         for kind in self.reading.thresholds:
             level = otsu(region) if kind == "otsu" else modified_otsu(region, kind)
-            if level is None or class_contrast(region, level) < LEAST_CONTRAST:
+            if level is None:
                 continue
             mask = np.asarray(cv2.medianBlur(above(region, level), self.reading.median), np.uint8)
             matched = match(
-                mask, self._template, area=self._area_bounds(prediction), worst=self.reading.worst,
-                edges=self.reading.edges, invariants=self.reading.invariants,
+                mask, self._template, raggedness=self._raggedness, area=self._area_bounds(prediction),
+                worst=self.reading.worst, edges=self.reading.edges, invariants=self.reading.invariants,
             )  # fmt: skip
-            if matched is not None and (best is None or matched.value < best[0].value):
-                placed = Match(matched.contour + np.array([left, top], np.int32), matched.value, matched.area)
-                best = placed, class_contrast(region, level)
-                if matched.value <= self.reading.good:
-                    break
+            if matched is None or (best is not None and matched.value >= best[0].value):
+                continue
+            contrast = stands_out(region, matched.contour)
+            if contrast < LEAST_CONTRAST:
+                continue
+            best = Match(matched.contour + np.array([left, top], np.int32), matched.value, matched.area), contrast
+            if matched.value <= self.reading.good:
+                break
         return best
 
     def _region(self, prediction: PadPrediction | None) -> tuple[int, int, int, int]:

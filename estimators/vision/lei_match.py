@@ -26,6 +26,7 @@ Invariants = Literal["printed", "corrected", "extended"]
 CANNY = (50.0, 150.0)  # thresholds on a picture of 0 and 255, where any do
 SOLIDITY_MARGIN = 0.25  # a square has 1, an H of the usual strokes 0.52
 LONGEST = 2.2  # longer to shorter side of the smallest rectangle around
+RAGGED = 1.4  # perimeter over that of an H of the same area; blobs of noise have 1.6 to 3
 TOUCHES = 1  # [px] from the border a contour may be cut
 
 
@@ -90,6 +91,7 @@ def match(
     mask: Image,
     template: ShapeTemplate,
     *,
+    raggedness: float,
     area: tuple[float, float],
     worst: float,
     edges: Edges = "canny",
@@ -97,7 +99,8 @@ def match(
 ) -> Match | None:
     """The contour of a mask (H, W) that matches best, if any does by `worst` and is most like the template.
 
-    area: least and largest [px^2] inside the contour. Contours at the mask's border are left out: they may be cut.
+    raggedness: perimeter over root of area of the mark's outline; area: least and largest [px^2] inside the contour.
+    Contours at the mask's border are left out: they may be cut.
     """
     height, width = mask.shape
     best: Match | None = None
@@ -118,6 +121,7 @@ def match(
             not area[0] <= pixels <= area[1]
             or abs(pixels / hull_area - template.solidity) > SOLIDITY_MARGIN
             or sides[1] > LONGEST * max(sides[0], 1.0)
+            or cv2.arcLength(contour, True) > RAGGED * raggedness * math.sqrt(pixels)
         ):
             continue
         seen = affine_invariants(central_moments(filled))
