@@ -35,7 +35,7 @@ ACCELEROMETER = (0.02, 0.05)  # [m/s^2] bias and white noise of one sample
 WHITE = AkfReading(prediction="still")  # standing still, equation 14 has no climb rate to offer
 TOLD = replace(WHITE, sensors=LeiSensors(gps=math.hypot(0.760, 0.165)))
 ZEROED = 0.175  # [m]
-BARS = (0.5, 2.0, 5.0, 10.0)  # [mm] RMS of our vision on each landing, attitude known
+BARS = dict(zip(HEIGHTS, (0.5, 2.0, 5.0, 10.0), strict=True))  # [mm] RMS of our vision on each landing, attitude known
 
 
 def jobs(effort: Effort) -> Sequence[Job]:
@@ -153,8 +153,8 @@ def conclude(effort: Effort, answers: Sequence[Any]) -> Outcome:
         Figure("fused, attitude known: largest", "m", None, None, exact[1], bar=0.03),
         *(
             Figure(f"vision at {m.height} m, attitude known: RMS", "mm", None, None,
-                   1e3 * rms(m.exact - m.height), bar=bar, bound=1e3 * m.bound)
-            for m, bar in zip(minutes, BARS, strict=True)
+                   1e3 * rms(m.exact - m.height), bar=BARS[m.height], bound=1e3 * m.bound)
+            for m in minutes
         ),
     ]  # fmt: skip
     rows = table(seen, 1.0, "m", [_fused_row(errors) for errors in by_reading])
