@@ -14,18 +14,16 @@ from numpy.typing import NDArray
 
 from estimators.altitude import AltitudeFilter, H
 from estimators.attitude import AttitudeFilter
-from estimators.position import PositionFilter
+from estimators.position import AFTER, PositionFilter
 from flightlog.equipment import CameraSpec
 from flightlog.rotations import matrix
 from flightlog.signals import FlowSample
 
 Floats = NDArray[np.float64]
 
-DIRECTION = 2e-4  # [rad] of a flow of quality 1: matching, and the attitude's jitter between two pictures
+DIRECTION = 1e-4  # [rad] of a flow of quality 1: matching, and the attitude's jitter between two pictures
 WORST = 0.1  # [1] quality below which a flow is none
 HEIGHT_KNOWN = 0.05  # [1] standard deviation of the height, as a share of it, from which on flow is a way
-ALIKE = 10.0  # pictures: errors of height and heading stay the same for so many
-AFTER = 1e-6  # [s] a key frame comes after what its own picture said of the one before
 SAME = 1e-4  # [s] key frames closer than this are one
 
 
@@ -76,6 +74,7 @@ class FlowFusion:
             return False
         if key > self._key + SAME or self._first is None:
             first = sight(key, np.array([0.0, 0.0, 1.0]), attitude, high, self._camera)
+            # after what its own picture said of the key frame before
             if first is None or not side.key_frame(key + AFTER, first.height):
                 # too long ago: the ground point counts from now on
                 self._key, self._first = key, now
@@ -86,4 +85,4 @@ class FlowFusion:
         stretch = float(np.sum((now.slope - first.slope) ** 2)) * now.std_height**2
         heading = min(float(attitude.memory["variance_heading"][0]), 1.0) * float(way @ way)
         matched = (DIRECTION / s.quality * now.below) ** 2 * (1.0 + float(now.slope @ now.slope))
-        return side.flow(s.t, float(way[0]), float(way[1]), matched + ALIKE * (stretch + heading), now.height)
+        return side.flow(s.t, float(way[0]), float(way[1]), matched + stretch + heading, now.height)

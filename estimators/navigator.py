@@ -19,17 +19,17 @@ from numpy.typing import NDArray
 
 from estimators import altitude, chain, position
 from estimators.altitude import AltitudeFilter, AltitudeNoise
-from estimators.attitude import AttitudeFilter
+from estimators.attitude import AttitudeFilter, AttitudeGains
 from estimators.eyes import Eyes, FlowEye, expect_pad
 from estimators.flow_inertial import FlowFusion
 from estimators.heading import correct_axis, correct_azimuth
 from estimators.horizon_fusion import HorizonFusion
 from estimators.lever_arms import antenna, pad_in_world, ranger
-from estimators.position import PositionFilter, PositionNoise
+from estimators.position import A_E, D_E, PositionFilter, PositionNoise
 from estimators.replay import AHEAD
 from estimators.vision.sighting import PadPrediction
 from flightlog.equipment import CameraSpec, Equipment
-from flightlog.rotations import matrix
+from flightlog.rotations import angles, from_vector, matrix, multiply
 from flightlog.signals import (
     BaroSample,
     FlowSample,
@@ -54,7 +54,8 @@ GRAIN = 0.003  # [m] neither mount nor pad are known better
 SCALE = 1e-3  # [1] of the lateral distance: focal length
 ALIKE = 10.0  # echoes
 SAME_INSTANT = 1e-3  # [s]
-AT_REST = (0.002, 0.02)  # [m], [m/s] a flight begins by flow alone, trimmed over its origin
+FAST = AttitudeGains(level=2.0, integral=0.3)  # flow finds the tilt error within half a second
+AT_REST = (0.0005, 0.005, 0.03)  # [m], [m/s], [m/s^2] a flight begins by flow alone, trimmed over its origin
 
 
 def _memory_length(equipment: Equipment) -> int:
@@ -86,7 +87,7 @@ class Navigator:
         self._eyes = eyes = eyes or Eyes()
         self._front_end = eyes.pad
         self._horizons = eyes.horizons
-        self._attitude = AttitudeFilter(equipment)
+        self._attitude = AttitudeFilter(equipment, FAST) if flow else AttitudeFilter(equipment)
         self._period = 1.0 / equipment.sensors["imu"].rate
         self._altitude: AltitudeFilter
         self._position: PositionFilter
@@ -107,7 +108,6 @@ class Navigator:
         self._flow = FlowFusion(self._down) if flow and self._down is not None else None
         self._level = HorizonFusion(dips=equipment.horizon_dips) if horizon else None
         self._horizon_time = -math.inf  # [s] of the last picture with a horizon
-        self._first = 0.0  # [s] the first sample
         self._handlers: Mapping[type, Callable[[Any], None]] = {
             ImuSample: self._take_imu,
             MagSample: self._take_mag,
@@ -172,7 +172,7 @@ class Navigator:
         if not self._aligned and self._attitude.memory["aligned"][0]:
             self._aligned = True
             if self._flow is not None:
-                self._position.begin(self._time, self._first, *AT_REST)
+                self._position.begin(self._time, *AT_REST)
                 self._correct = True
             for action in self._waiting:
                 action()
@@ -193,8 +193,8 @@ class Navigator:
             stamps = [max([t for t in late if math.isfinite(t)], default=0.0)]
         t = stamps[0] - BEFORE
         self._altitude = AltitudeFilter(AltitudeNoise.of(self._equipment), t, self._epochs)
-        self._position = PositionFilter(PositionNoise.of(self._equipment), t, self._epochs, flow=self._flow is not None)
-        self._first = stamps[0]
+        noise, flow = PositionNoise.of(self._equipment), self._flow is not None
+        self._position = PositionFilter(noise, t, self._epochs, flow=flow, integral=FAST.integral)
         self._time = stamps[0] - self._period
         self._attitude.memory["t"] = self._time
         self._started = True
@@ -209,6 +209,11 @@ class Navigator:
         tail = numbers[25:]
         high = self._altitude
         high.height, high.deviation, high.height_time = up, numbers[18], tail[3] - tail[6]
+        if self._flow is not None:
+            # a hover by flow feels a milliradian: what is known of the tilt error is not waited for
+            d_e, d_n = self._position.kalman.last["x"][D_E:A_E].tolist()
+            row[9:13] = multiply(from_vector(np.array([d_n, -d_e, 0.0])), row[9:13])
+            tail[0:3] = angles(row[9:13])
         return StateEstimate(
             tail[3], row[0:3], row[3:6], row[6:9], row[9:13], tail[0], tail[1], tail[2], row[13:16], tail[4],
             row[16:19], row[19:22], row[22:25], tail[5], tail[6],

@@ -17,7 +17,9 @@ Optical flow measures the way since a picture was taken, the key frame. Where th
     k = p + h d   at the time of the key frame,
 
 copied with their correlations, and a flow is p + h d - k: it never tells where the vehicle is, but as long as the
-pictures are compared with the same key frame the error does not grow either.
+pictures are compared with the same key frame the error does not grow either. Flow is precise enough to tell a tilt that
+drifts from one that jitters, so two more states are what the gyroscopes' bias still does to it, d' = c + b; the
+attitude filter takes its share of every correction off that bias, b' = m c.
 """
 
 import math
@@ -34,13 +36,14 @@ from flightlog.equipment import Equipment
 
 Floats = NDArray[np.float64]
 
-E, N, VE, VN, D_E, D_N, A_E, A_N, G_E, G_N, K_E, K_N = range(12)  # states; the last two only where there is flow
+E, N, VE, VN, D_E, D_N, A_E, A_N, G_E, G_N, K_E, K_N, B_E, B_N = range(14)  # states; from K_E on where there is flow
 GPS_E, GPS_N, GPS_VE, GPS_VN, VISION_1, VISION_2 = range(6)  # components
 TILT_1, TILT_2, HORIZON_AHEAD, HORIZON_ASIDE = range(10, 14)
 # what a picture says of the way to it comes before what begins with it
 FLOW_E, FLOW_N, KEY_E, KEY_N = range(6, 10)
 TOPIC_GPS, TOPIC_GPS_VELOCITY, TOPIC_VISION, TOPIC_FLOW, TOPIC_TILT, TOPIC_HORIZON = range(6)
 GRAIN = 1e-4  # [m] of a copied place
+AFTER = 1e-6  # [s] apart are measurements of one kind that are of one time
 BLIND = 5.0  # [m] a direction that the picture leaves this open is not measured
 
 
@@ -53,6 +56,10 @@ class PositionNoise:
     tilt_walk: float = 0.0015  # [rad/sqrt(s)] unknown bias of the gyroscopes, scale errors in turns
     accelerometer: float = 0.06  # [m/s^2] bias, and misalignment times gravity
     accelerometer_tau: float = 100.0  # [s]
+    tilt_jitter: float = 3e-4  # [rad/sqrt(s)] walk of the tilt where the gyroscopes' bias is a state
+    gyro_bias: float = 0.001  # [rad/s] of it at the start
+    gyro_drift: float = 1.4e-4  # [rad/s]
+    gyro_drift_tau: float = 300.0  # [s]
     gps: float = 0.05  # [m] white
     gps_bias: float = 0.6  # [m] at the start
     gps_wander: float = 0.25  # [m]
@@ -71,6 +78,9 @@ class PositionNoise:
                 "acceleration": math.hypot(imu["accel_noise"], 0.01),
                 "accelerometer": bias,
                 "tilt_walk": math.hypot(walk, imu["gyro_noise"]),
+                "tilt_jitter": math.hypot(5e-5, imu["gyro_noise"]),
+                "gyro_bias": math.hypot(imu["gyro_bias_std"], imu["gyro_drift_std"]),
+                "gyro_drift": imu["gyro_drift_std"],
             }
         if (gps := equipment.sensors.get("gps")) is not None:
             given |= {
@@ -83,12 +93,13 @@ class PositionNoise:
         return cls(**given)
 
 
-def model(noise: PositionNoise, *, flow: bool = False) -> LinearModel:
+def model(noise: PositionNoise, *, flow: bool = False, integral: float = 0.0) -> LinearModel:
     """The derivatives are p' = v, v' = f - g d - a, d' = c; a Gauss-Markov; the GPS bias walks as far as its wander.
 
-    `flow`: with the key frame's place, which does not move.
+    `flow`: with the key frame's place, which does not move, and the gyroscopes' bias, of which the attitude filter
+    takes off `integral` [1/s] times what it turns.
     """
-    n = K_N + 1 if flow else K_E
+    n = B_N + 1 if flow else K_E
     dynamics, inputs = np.zeros((n, n)), np.zeros((n, INPUTS))
     density, driven = np.zeros((n, n)), np.zeros((n, n))
     for axis in range(2):
@@ -102,6 +113,11 @@ def model(noise: PositionNoise, *, flow: bool = False) -> LinearModel:
         density[G_E + axis, G_E + axis] = 2.0 * noise.gps_wander**2 / noise.gps_wander_tau
         driven[VE + axis, VE + axis] = noise.acceleration**2
         driven[D_E + axis, D_E + axis] = noise.tilt_walk**2
+        if flow:
+            dynamics[D_E + axis, B_E + axis] = 1.0
+            inputs[B_E + axis, 3 + axis] = integral
+            driven[D_E + axis, D_E + axis] = noise.tilt_jitter**2
+            density[B_E + axis, B_E + axis] = 2.0 * noise.gyro_drift**2 / noise.gyro_drift_tau
     components = [
         Component(TOPIC_GPS, patience=10, jump=G_E),
         Component(TOPIC_GPS, patience=10, jump=G_N),
@@ -124,12 +140,17 @@ def model(noise: PositionNoise, *, flow: bool = False) -> LinearModel:
 class PositionFilter:
     """The filter; positions [m] of the body origin, east and north of the pad's centre."""
 
-    def __init__(self, noise: PositionNoise, t: float, epochs: int = 160, *, flow: bool = False) -> None:
-        """Starts at `t` [s], knowing nothing of the position; remembers so many epochs; `flow`: there will be some."""
+    def __init__(
+        self, noise: PositionNoise, t: float, epochs: int = 160, *, flow: bool = False, integral: float = 0.0
+    ) -> None:
+        """Starts at `t` [s], knowing nothing of the position; remembers so many epochs; `flow`, `integral`: as `model`
+        has them.
+        """
         self.noise = noise
-        self.has_flow = flow
-        start = np.repeat([100.0, 3.0, noise.tilt_start, noise.accelerometer, noise.gps_bias, 100.0], 2)
-        laws, room = model(noise, flow=flow), len(start)
+        start = np.repeat(
+            [100.0, 3.0, noise.tilt_start, noise.accelerometer, noise.gps_bias, 100.0, noise.gyro_bias], 2
+        )
+        laws, room = model(noise, flow=flow, integral=integral), len(start)
         n = len(laws.dynamics)
         self.kalman = DelayedKalman(laws, t, np.zeros(n), np.diag(start[:n] ** 2), epochs=epochs, room=room)
         self._rows = tuple(np.zeros(room) for _ in range(4))
@@ -187,16 +208,20 @@ class PositionFilter:
         row[D_E], row[D_N] = -s, c
         return insert(t, HORIZON_ASIDE, row, aside, variance_aside) == TAKEN and taken
 
-    def begin(self, t: float, since: float, position: float, velocity: float) -> bool:
-        """At rest over the origin from `since` to `t` [s], to so many metres and metres a second (1 sigma)."""
+    def begin(self, t: float, position: float, velocity: float, acceleration: float) -> bool:
+        """At `t` [s] at rest over the origin, the force of so far taken for the plumb line; to so many m, m/s, m/s^2
+        (1 sigma).
+        """
         taken = True
+        known = (({E: 1.0}, position), ({VE: 1.0}, velocity), ({D_E: GRAVITY, A_E: 1.0}, acceleration))
         for axis in range(2):
-            row = self._way
-            row[:] = 0.0
-            row[E + axis] = 1.0
-            taken &= self.kalman.insert(since, FLOW_E + axis, row, 0.0, position**2) == TAKEN
-            row[E + axis], row[VE + axis] = 0.0, 1.0
-            taken &= self.kalman.insert(t, FLOW_E + axis, row, 0.0, velocity**2) == TAKEN
+            for number, (states, std) in enumerate(known):
+                row = self._way
+                row[:] = 0.0
+                for state, factor in states.items():
+                    row[state + axis] = factor
+                # one kind of measurement, so each needs a time of its own
+                taken &= self.kalman.insert(t - number * AFTER, FLOW_E + axis, row, 0.0, std**2) == TAKEN
         return taken
 
     def key_frame(self, t: float, height: float) -> bool:
