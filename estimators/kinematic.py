@@ -121,8 +121,8 @@ class KinematicNavigator:
         if self._angles is None:
             return
         self._seen = roll, pitch, heading = self._angles.at(self._time)
-        known = [value if math.isfinite(value) else 0.0 for value in (roll, pitch)]
-        q = quaternion(*known, heading if math.isfinite(heading) else 0.5 * math.pi)
+        roll, pitch = (value if math.isfinite(value) else 0.0 for value in (roll, pitch))
+        q = quaternion(roll, pitch, heading if math.isfinite(heading) else 0.5 * math.pi)
         self._memory["q"] = self._memory["quaternions"] = q
         self._memory["times"] = self._time
 

@@ -278,6 +278,10 @@ def _text(path: Path, draft: Draft) -> str:
         encoding = "utf-16"
     else:
         encoding = "utf-8-sig"
+        text = data.rstrip(b"\0")
+        if len(text) < len(data):
+            draft.note(f"{path.name}: ends in {len(data) - len(text)} zero byte(s), left out")
+            data = text
         if b"\0" in data:
             raise UserError(f"{path}: not a CSV file: byte {data.index(0)} is zero, which no text holds")
     try:

@@ -22,7 +22,8 @@ Tables = Mapping[str, Table]
 
 LEAST = 10  # values below which a column is not judged
 FORCE = (3.0, 40.0)  # [m/s^2] median of |f|: neither falling nor turning at 4 g all the time
-WHOLE_TURN = 7.0  # [rad] no angle of a log is larger
+ANGLES = {"roll": 3.2, "pitch": 1.6, "heading": 7.0}  # [rad] half, a quarter and a whole turn
+WINDING = 7.0  # [rad] of a joint
 FASTEST = 40.0  # [rad/s] 99 % of a body's rates are slower; gyroscopes end at 2000 deg/s = 35 rad/s
 PRESSURE = (2e4, 1.2e5)  # [Pa] up to 12 km
 TEMPERATURE = (180.0, 360.0)  # [K]
@@ -104,12 +105,12 @@ def _bounds(tables: Tables) -> Iterator[Fault]:
             yield from _median(name, table, "pressure", "Pa", PRESSURE, 1e5, "air has about 100000 Pa", None)
             yield from _median(name, table, "temperature", "K", TEMPERATURE, 290.0, "air has about 290 K", "degC")
         if base in ("estimate", "reference", "horizon"):
-            for angle in ("roll", "pitch", "heading"):
-                yield from _above(name, table, angle, WHOLE_TURN, "an angle is at most 2 pi", "deg", 100.0)
+            for angle, most in ANGLES.items():
+                yield from _above(name, table, angle, most, f"in rad it is at most {most:g}", "deg", 99.0)
         if base == "joints":
             for joint in table.columns:
                 if joint != "t" and table.unit(joint) in (None, "rad"):
-                    yield from _above(name, table, joint, WHOLE_TURN, "a joint turns by less than 7 rad", "deg", 100.0)
+                    yield from _above(name, table, joint, WINDING, "a joint turns by less than 7 rad", "deg", 99.0)
         if base == "battery":
             yield from _above(name, table, "voltage", VOLTAGE, "a battery has less than 1000 V", "mV", 50.0)
         if base == "rotor":

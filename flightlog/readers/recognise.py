@@ -57,7 +57,7 @@ def _kind(head: bytes) -> str | None:
         return "ULog"
     if head.startswith(DATAFLASH) or re.search(rb"^FMT\s*,\s*\d+\s*,\s*\d+\s*,", head, re.MULTILINE):
         return "DataFlash"
-    if head.startswith((GZIP, b"\xff\xfe", b"\xfe\xff")) or b"\0" not in head:
+    if head.startswith((GZIP, b"\xff\xfe", b"\xfe\xff")) or b"\0" not in head.rstrip(b"\0"):
         return "csv"
     # a binary log whose beginning is lost has its messages all the same
     return "DataFlash" if head.count(DATAFLASH) >= 8 else None
