@@ -132,12 +132,14 @@ def propagate(memory, t, fx, fy, fz, wx, wy, wz, tilt_e, tilt_n, variance, aid):
     measured, clear = t - a.yaw_time < MEASURED_FOR, t - a.axis_time < MEASURED_FOR
     gain_heading = a.gain_axis if clear else a.gain_heading
     correction[2] = -gain_heading * (a.axis_error if clear else a.yaw_error) if clear or measured else 0.0
+    # a first error of the heading is not the gyroscope's bias
+    settled = min(1.0, (a.axis_variance + AXIS_LAG**2) / a.variance_heading) if clear else 1.0
     # into the body
     for i in range(3):
         c = r[0, i] * correction[0] + r[1, i] * correction[1] + r[2, i] * correction[2]
         level = r[0, i] * correction[0] + r[1, i] * correction[1]
         turn[i] = dt * (turn[i] + c)
-        speed = a.integral * level + 0.25 * a.gain_heading * (c - level)
+        speed = a.integral * level + 0.25 * settled * gain_heading * (c - level)
         a.bias[i] = max(-a.bias_limit, min(a.bias_limit, a.bias[i] - dt * speed))
     a.yaw_error += dt * correction[2]  # until the next azimuth
     a.axis_error += dt * correction[2]

@@ -1,4 +1,8 @@
-"""The three filters in one compiled call: an inertial sample through all of them, and what they then say."""
+"""The three filters in one compiled call: an inertial sample through all of them, and what they then say.
+
+numba's cache knows a function by the text of its own file, not by that of what it calls: after a change to the kernels
+of `attitude`, `replay` or `notch`, remove `__pycache__/chain.*` or the old ones go on flying.
+"""
 
 import math
 from functools import cache
