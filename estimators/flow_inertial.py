@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from estimators.altitude import AltitudeFilter, H
 from estimators.attitude import AttitudeFilter
 from estimators.position import AFTER, PositionFilter
+from flightlog.camera import CameraMount
 from flightlog.equipment import CameraSpec
-from flightlog.rotations import matrix
+from flightlog.rotations import angles, from_vector, matrix
 from flightlog.signals import FlowSample
 
 Floats = NDArray[np.float64]
@@ -86,3 +87,26 @@ class FlowFusion:
         heading = min(float(attitude.memory["variance_heading"][0]), 1.0) * float(way @ way)
         matched = (DIRECTION / s.quality * now.below) ** 2 * (1.0 + float(now.slope @ now.slope))
         return side.flow(s.t, float(way[0]), float(way[1]), matched + stretch + heading, now.height)
+
+
+def velocity_between(
+    s: FlowSample, camera: CameraMount, attitude: Floats, rates: Floats, height: float
+) -> tuple[float, float]:
+    """Velocity (forward, left) [m/s] of a camera over the ground, mean of the time of a flow, in level axes.
+
+    attitude (4,) wxyz of the carrier at the flow's end, rates (3,) [rad/s] its mean angular rate, body axes; height [m]
+    of the camera above the ground. Forward is where the carrier's nose points at the end. ValueError where a direction
+    misses the ground.
+    """
+    end = matrix(attitude)
+    start = end @ matrix(from_vector(-s.dt * rates))
+    points = []
+    for turn, direction in ((start, np.array([0.0, 0.0, 1.0])), (end, np.array([s.u, s.v, 1.0]))):
+        ray = turn @ camera.axes @ direction
+        if not ray[2] < -0.1:
+            raise ValueError("the camera does not look down at the ground")
+        points.append(height * ray[:2] / -ray[2])
+    e, n = ((points[0] - points[1]) / s.dt).tolist()
+    _, _, heading = angles(attitude)
+    sine, cosine = math.sin(heading), math.cos(heading)
+    return e * sine + n * cosine, n * sine - e * cosine

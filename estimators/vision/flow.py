@@ -33,11 +33,18 @@ class KeyFrameFlow:
     shrink: int = 4  # [1] the coarse search has pictures so much smaller
     coarse_reach: int = 8  # [px] of the small picture: 32 px, 0.8 m/s from 1 m
     coarse_spacing: int = 24  # [px] of the small picture
-    texture: float = 4.0  # [grey levels] a block has to show
+    texture: float = 3.0  # [grey levels] a block has to show
     agreement: float = 0.7  # [px] a block may miss the plane's motion by
     least_share: float = 0.4  # of the key frame's blocks: with fewer in sight, the picture becomes the next one
     least_blocks: int = 12
     patience: int = 5  # pictures that may fail before the key frame is given up
+
+    @classmethod
+    def of(cls, camera: CameraModel) -> "KeyFrameFlow":
+        """For pictures of a size: small ones have their blocks closer together and are shrunk less."""
+        side = min(camera.width, camera.height)
+        spacing = int(min(cls.spacing, max(8.0, math.sqrt(camera.width * camera.height / 80))))
+        return cls(spacing=spacing, shrink=4 if side >= 360 else 2 if side >= 180 else 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +71,8 @@ class Motion:
 class KeyFrameFlowEye:
     """Flow since a key frame; remembers that picture and the last motion."""
 
-    def __init__(self, camera: CameraModel, settings: KeyFrameFlow = KeyFrameFlow()) -> None:
-        self.camera, self.settings = camera, settings
+    def __init__(self, camera: CameraModel, settings: KeyFrameFlow | None = None) -> None:
+        self.camera, self.settings = camera, settings or KeyFrameFlow.of(camera)
         self._key: _Key | None = None
         self._plane = np.eye(3)
         self._failures = 0

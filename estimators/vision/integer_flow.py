@@ -36,7 +36,11 @@ class IntegerFlowEye:
     """Flow since the picture before."""
 
     def __init__(self, camera: CameraModel, settings: IntegerFlow = IntegerFlow()) -> None:
+        """ValueError where the pictures are too small."""
         self.camera, self.settings = camera, settings
+        least = settings.window * settings.shrink
+        if min(camera.width, camera.height) < least:
+            raise ValueError(f"pictures of {camera.width}x{camera.height} px are too small: at least {least} a side")
         starts = np.arange(settings.reach, settings.window - settings.reach - settings.size + 1, settings.size)
         self._corners = np.stack(np.meshgrid(starts, starts), axis=-1).reshape(-1, 2).astype(np.int64)
         self._last: tuple[float, NDArray[np.uint8]] | None = None

@@ -10,6 +10,7 @@ from flightlog.errors import UserError
 SIGHTS: tuple[str, ...] = (  # see_<sight>.py with the dataclass See<Sight>
     "pad",
     "horizon",
+    "flow",
 )
 
 
