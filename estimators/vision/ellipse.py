@@ -76,6 +76,8 @@ def fit_ellipse(points: Floats) -> Ellipse | None:
     if not size > 0.0:
         return None
     x, y = ((points - middle) / size).T
+    if not _spread(float(x @ x), float(x @ y), float(y @ y)) > 0.0:
+        return None
     quadratic, linear = np.column_stack([x * x, x * y, y * y]), np.column_stack([x, y, np.ones_like(x)])
     s1, s2, s3 = quadratic.T @ quadratic, quadratic.T @ linear, linear.T @ linear
     try:
@@ -105,8 +107,8 @@ def fit_circle(points: Floats) -> Circle | None:
     x, y = (points - middle).T
     square = x * x + y * y
     xx, xy, yy = float(x @ x), float(x @ y), float(y @ y)
-    determinant = xx * yy - xy * xy
-    if not determinant > 1e-12 * (xx + yy) ** 2:
+    determinant = _spread(xx, xy, yy)
+    if not determinant > 0.0:
         return None
     # about the centroid the third unknown, the mean of the squares, parts from the centre's two
     right, up = 0.5 * float(square @ x), 0.5 * float(square @ y)
@@ -114,6 +116,12 @@ def fit_circle(points: Floats) -> Circle | None:
     radius = math.sqrt(float(square.mean()) + a * a + b * b)
     distances = np.hypot(x - a, y - b) - radius
     return Circle(middle + [a, b], radius, float(np.sqrt(np.mean(distances**2))))
+
+
+def _spread(xx: float, xy: float, yy: float) -> float:
+    """Determinant of the second moments of points; 0 where they lie on a line."""
+    determinant = xx * yy - xy * xy
+    return determinant if determinant > 1e-12 * (xx + yy) ** 2 else 0.0
 
 
 def image_of_circle(to_picture: Floats, radius: float, centre: tuple[float, float] = (0.0, 0.0)) -> Ellipse | None:

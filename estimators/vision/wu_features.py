@@ -29,7 +29,7 @@ CANNY = (50.0, 150.0)  # on a binary picture any pair will do
 ROUND = 0.035  # RMS distance from a circle over its radius; a tilt of 10 deg makes 0.01
 WIDEST_GAP = math.radians(40.0)  # a contour open any wider is no ring
 CONCENTRIC = 0.08  # of the radius; seen 10 deg tilted, a smaller ring's centre is off by less
-SAME_RATIO = 0.022  # of two radii
+SAME_RATIO = 0.03  # of two radii, off in the mean: edges are a pixel wide, paint a millimetre
 HARRIS_BLOCK, HARRIS_APERTURE, HARRIS_K = 3, 3, 0.04
 HARRIS_SHARE = 0.1  # of the strongest response
 CORNER_REACH = 0.06  # of the ring's diameter: a corner farther from where it should be is another
@@ -82,27 +82,40 @@ def find_ring(binary: Image, to_plane: ToPlane, mark: RingMark) -> tuple[Floats,
         if circle is not None:
             circles.append((circle, pixels, _bright_within(binary, pixels)))
     circles.sort(key=lambda found: -found[0].radius)
-    radii, bright = _edges(mark)
-    for circle, pixels, is_bright in circles:
-        if not is_bright:
-            continue
+    for circle, pixels, bright in circles:
         within = [
-            other.radius / circle.radius for other, _, other_bright in circles
-            if not other_bright and np.linalg.norm(other.centre - circle.centre) < CONCENTRIC * circle.radius
+            (other.radius / circle.radius, other_bright) for other, _, other_bright in circles
+            if other is not circle and math.dist(other.centre, circle.centre) < CONCENTRIC * circle.radius
+            and other.radius < 0.95 * circle.radius
         ]  # fmt: skip
-        # the next circle inward tells which ring it is: no two rings have that ratio in common
-        for i in np.flatnonzero(bright[:-1]):
-            ratio = radii[i + 1] / radii[i]
-            if any(abs(seen - ratio) < SAME_RATIO * ratio for seen in within):
-                return pixels, circle, float(radii[i])
+        if bright and any(not inner for _, inner in within):
+            which, off = _which_ring(within, mark)
+            if off < SAME_RATIO:
+                return pixels, circle, float(_edges(mark)[which])
     return None
 
 
-def _edges(mark: RingMark) -> tuple[Floats, NDArray[np.bool_]]:
-    """Radii (N,) [m] of all circular edges, outermost first, and whether it is bright within (N,)."""
+def _which_ring(within: list[tuple[float, bool]], mark: RingMark) -> tuple[int, float]:
+    """Number of the edge that has such circles within, and by how much their ratios are off, in the mean.
+
+    within: radius over that of the edge, and whether it is bright within, for each.
+    """
+    radii = _edges(mark)
+    # edges are bright within and dark within by turns, the outermost bright
+    off = []
+    for i in range(0, len(radii), 2):
+        expected = {True: radii[i + 2 :: 2] / radii[i], False: radii[i + 1 :: 2] / radii[i]}
+        off.append(np.mean([min(abs(ratio - expected[bright]), default=1.0) for ratio, bright in within]))
+    best = int(np.argmin(off))
+    return 2 * best, float(off[best])
+
+
+def _edges(mark: RingMark) -> Floats:
+    """Radii (N,) [m] of all circular edges, outermost first."""
     outer, middle, inner = mark.rings
-    radii = [outer[1], outer[0], middle[1], middle[0], mark.grid_radius, mark.well_radius, inner[1], inner[0]]
-    return np.array(radii), np.arange(len(radii)) % 2 == 0
+    return np.array(
+        [outer[1], outer[0], middle[1], middle[0], mark.grid_radius, mark.well_radius, inner[1], inner[0]]
+    )
 
 
 def _bright_within(binary: Image, pixels: Floats) -> bool:

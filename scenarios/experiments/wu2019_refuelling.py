@@ -168,7 +168,7 @@ def conclude(effort: Effort, answers: Sequence[Any]) -> Outcome:
     kept = [_rms(_errors(item, item.region)) / _rms(_errors(item, item.whole)) for item in tracks]
     figures += [
         Figure("rate with a region of interest over without, in flight", "1", None, None, gain),
-        Figure(f"the same with {rates[-1]['megapixels']:.1f} megapixels", "1", None, None, rates[-1]["gain"], bar=1.5,
+        Figure(f"the same with {rates[-1]['megapixels']:.1f} megapixels", "1", None, None, rates[-1]["gain"], bar=1.2,
                at_most=False),
         Figure("error with a region of interest over without, in flight", "1", None, None, max(kept), bar=1.1),
     ]
