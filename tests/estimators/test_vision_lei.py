@@ -79,6 +79,7 @@ def test_the_three_lengths_of_an_h() -> None:
     assert length(H, "side") == pytest.approx(1.0)
     assert length(H, "perimeter") == pytest.approx(4 * 1.0 + 2 * 1.0 - 2 * 0.2)
     assert length(H, "root_area") == pytest.approx(math.sqrt(0.52))
+    assert length(HMark(width=0.8).outline(), "side") == pytest.approx(0.9)
 
 
 @settings(max_examples=40, deadline=None)
@@ -108,6 +109,8 @@ def test_equation_7_as_printed_is_right_on_the_axis_of_a_level_camera_only() -> 
     pose = MarkPose(-10.0 * level.up, 0.3)
     found = height(contour_of(pose, attitude, CAMERA), H, CAMERA, level, tilt, reading)
     assert -0.35 < found - 10.0 < -0.20
+    untilted = height(contour_of(pose, attitude, CAMERA), H, CAMERA, level, (0.0, 0.0), reading)
+    assert found / untilted == pytest.approx(math.cos(tilt[0]) * math.cos(tilt[1]), rel=1e-9)
 
 
 def test_one_f_for_pixels_that_are_not_square_makes_the_height_depend_on_the_heading() -> None:
