@@ -23,7 +23,7 @@ BORDER = 2.5  # [px] from the picture's edge: not the mark's
 ALIGNED = math.radians(14.0)  # of an edge to its direction; short ones are ragged
 SHORTEST_RUN = 3  # edges
 MISFIT = 0.06  # of the leg: RMS of the edges' places
-MOST_STARTS = 6
+MOST_STARTS, MOST_CONTOURS = 6, 6
 
 # the edges counter-clockwise from the left leg's foot: direction in quarter turns from +x, and the place across it by
 # width, leg, stroke (of x for edges along y, of y for edges along x)
@@ -86,6 +86,18 @@ def _matches(
                     yield solution[0], *_placed(solution[1], edges.angle, turned, level, usual.leg)
 
 
+def cut_contours(mask: NDArray[np.uint8], shortest: float) -> list[NDArray[np.int32]]:
+    """Contours (N, 1, 2) of a mask (H, W) that touch its border, longer than `shortest` [px], the longest first."""
+    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    kept = []
+    for contour in contours:
+        if len(contour) >= shortest:
+            x, y, w, h = cv2.boundingRect(contour)
+            if x <= 0 or y <= 0 or x + w >= mask.shape[1] or y + h >= mask.shape[0]:
+                kept.append(np.asarray(contour, np.int32))
+    return sorted(kept, key=len, reverse=True)[:MOST_CONTOURS]
+
+
 def enough_seen(corners: Floats, camera: CameraModel) -> bool:
     """Whether of an H's corners (12, 2) [px] the picture shows three leg ends, or both inner corners of one side."""
     inside = camera.contains(corners, 1.0)
@@ -102,7 +114,7 @@ def _edges(contour: NDArray[np.int32], camera: CameraModel, level: LevelAxes) ->
     size = np.array([camera.width - 1.0, camera.height - 1.0])
     near_low, near_high = corners <= BORDER, corners >= size - BORDER
     following = np.roll(np.arange(len(corners)), -1)
-    on_border = ((near_low & near_low[following]) | (near_high & near_high[following])).any(axis=1)
+    on_border = np.any((near_low & near_low[following]) | (near_high & near_high[following]), axis=1)
     flat = on_pad_plane(corners, camera, level)
     if not np.all(np.isfinite(flat)):
         return None

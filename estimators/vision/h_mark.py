@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.vision.cut_h import cut_contours, cut_starts, enough_seen
 from estimators.vision.edge_fit import EdgeFit, fit_outline
 from estimators.vision.outline import OutlineSamples
 from estimators.vision.pose import (
@@ -21,7 +22,7 @@ from estimators.vision.pose import (
     place,
     wrap_axis,
 )
-from estimators.vision.search import MarkSearch
+from estimators.vision.search import MarkSearch, masks
 from estimators.vision.sighting import PadPrediction, PadSighting
 from flightlog.camera import CameraModel, CameraMount
 from flightlog.marks import HMark
@@ -94,7 +95,8 @@ class HMarkFrontEnd:
         """The mark in a picture (H, W) uint8, or (H, W, 3) RGB which is made grey; or None.
 
         attitude: (4,) wxyz, body to world, at the picture's time. prediction: where the filter expects the mark, or
-        None. A mark that is not wholly in the picture is seen only with a prediction.
+        None. Without one, a mark that is not wholly in the picture is found where three of its leg ends are seen, or
+        both inner corners of one side.
         """
         if image.ndim == 3:
             image = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
@@ -182,11 +184,22 @@ class HMarkFrontEnd:
 
     def _acquire(self, image: Image, level: LevelAxes, prediction: PadPrediction | None) -> PadSighting | None:
         if prediction is not None and self._too_near(prediction):
-            return None
+            return self._search_cut(image, level)
         found = self._search(image, level, prediction)
         if found is None and prediction is not None:
             found = self._search(image, level, None)  # the filter may be mistaken, and surer than it should be
-        return found
+        return found or self._search_cut(image, level)
+
+    def _search_cut(self, image: Image, level: LevelAxes) -> PadSighting | None:
+        """A mark that the picture's edge cuts, by those of its edges that are seen."""
+        small, camera = reduced(image, self.camera, 2 if min(image.shape) >= 300 else 1)
+        for mask, polarity in masks(np.asarray(cv2.medianBlur(small, 3), np.uint8)):
+            for contour in cut_contours(mask, 3.0 * SMALLEST_SIDE):
+                for start, _ in cut_starts(contour, camera, level, self.mark, np.full(2, 0.02)):
+                    fit = self._verified(image, level, start, polarity, whole=False)
+                    if fit is not None:
+                        return self._sighting(fit, tracked=False)
+        return None
 
     def _too_near(self, prediction: PadPrediction) -> bool:
         """Whether the mark is surely larger than the picture."""
@@ -231,7 +244,9 @@ class HMarkFrontEnd:
         far, near = depth + 4.0 * std, max(depth - 4.0 * std, 0.3 * depth)
         return max(least, 0.6 * scale / far**2), max(2.0 * least, 1.6 * scale / near**2)
 
-    def _verified(self, image: Image, level: LevelAxes, start: MarkPose, polarity: int) -> EdgeFit | None:
+    def _verified(
+        self, image: Image, level: LevelAxes, start: MarkPose, polarity: int, *, whole: bool = True
+    ) -> EdgeFit | None:
         depth = start.position[2]
         stroke = self.mark.stroke * min(self.camera.fx, self.camera.fy) / depth
         factor = 1
@@ -244,8 +259,9 @@ class HMarkFrontEnd:
         # a small shape is fitted by chance more easily
         if fit.residual > 0.02 * self._size * self.camera.fy / fit.pose.position[2]:
             return None
-        whole = self.camera.contains(self.camera.project(place(self._outline, fit.pose, fit.level)))
-        return fit if bool(whole.all()) else None
+        corners = self.camera.project(place(self._outline, fit.pose, fit.level))
+        seen = bool(self.camera.contains(corners).all()) if whole else enough_seen(corners, self.camera)
+        return fit if seen else None
 
     # answering
 
@@ -265,7 +281,7 @@ class HMarkFrontEnd:
             quality=float(min(quality, 1.0)),
             visible=visible,
             outline=corners,
-            source="acquired" if not tracked else "tracked" if self.camera.contains(corners).all() else "cut",
+            source="cut" if not self.camera.contains(corners).all() else "tracked" if tracked else "acquired",
             up=fit.level.up,
             residual=fit.residual,
             contrast=fit.contrast,
