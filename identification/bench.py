@@ -42,8 +42,16 @@ class Bench(Protocol):
     spreads: Mapping[str, float]  # by parameter key: how large a cause may make it
     baseline: Baseline
 
-    def rows(self, flight: int, changes: Mapping[str, float], keys: Collection[str] | None = None) -> Rows:
-        """One flight with some numbers (absolute, SI) changed; signatures of all parameters, or of `keys` alone."""
+    def rows(self, flight: int, changes: Mapping[str, float], fresh: Collection[str] = ()) -> Rows:
+        """One flight with some numbers (absolute, SI) changed, and the signatures of all parameters.
+
+        The residual is always that of the changed model. Signatures may be those of an earlier call; those of `fresh`
+        are taken anew about the changes.
+        """
+        ...
+
+    def bounded(self, key: str, value: float) -> float:
+        """A value brought into the range that makes sense for a parameter."""
         ...
 
 

@@ -9,7 +9,7 @@ evidence of a linear Gaussian model is closed:
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -42,9 +42,24 @@ class Competition:
     """All hypotheses on one stack."""
 
     def __init__(
-        self, stack: Stack, tolerances: Mapping[str, float], causes: Sequence[Cause], spreads: Mapping[str, float]
+        self,
+        stack: Stack,
+        tolerances: Mapping[str, float],
+        causes: Sequence[Cause],
+        spreads: Mapping[str, float],
+        shift: Mapping[str, float] | None = None,
     ) -> None:
-        """tolerances: by key, what may be without any cause; spreads: by key, how large a cause may make it."""
+        """Hypotheses about one expansion point.
+
+        tolerances: by key, what may be without any cause; spreads: by key, how large a cause may make it; shift: by
+        key, where the expansion point stands from nominal.
+        """
+        at = np.array([(shift or {}).get(key, 0.0) for key in stack.keys])
+        # r' = r + J m: the residual of the nominal model as this linear form has it
+        stack = replace(
+            stack, score=stack.score + stack.information @ at,
+            square=stack.square + float(2.0 * at @ stack.score + at @ stack.information @ at),
+        )  # fmt: skip
         self.stack = stack
         self.causes = {cause.name: cause for cause in causes}
         self._tolerance = np.array([tolerances.get(key, 0.0) for key in stack.keys])

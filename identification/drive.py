@@ -1,12 +1,12 @@
 """One flight against the model: innovations of force, moment and rotor, and what a gust does to them."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
-from identification.dynamics import CHANNELS, innovations
+from identification.dynamics import innovations
 from identification.flight import Flight
 from identification.model import Model
 from identification.whitening import drive_signatures
@@ -55,18 +55,16 @@ class Driven:
         )  # fmt: skip
 
 
-def gust_slopes(model: Model, flight: Flight, wind: Floats, changes: dict[str, float] | None = None) -> Floats:
+def gust_slopes(model: Model, flight: Flight, wind: Floats, changes: Mapping[str, float] | None = None) -> Floats:
     """Derivative (N, 7, 3) of the answer by the wind."""
-    slopes = []
-    for axis in range(3):
-        puff = np.zeros(3)
-        puff[axis] = PUFF
-        up, down = (model.answer(flight.drive, wind, changes, sign * puff) for sign in (1.0, -1.0))
-        slopes.append((up - down) / (2.0 * PUFF))
-    return np.stack(slopes, axis=-1)
+    puffs = PUFF * np.vstack([np.eye(3), -np.eye(3)])
+    runs = model.answers(flight.drive, [(wind, changes or {}, puff) for puff in puffs])
+    return np.stack([(runs[i] - runs[3 + i]) / (2.0 * PUFF) for i in range(3)], axis=-1)
 
 
-def drive(model: Model, flight: Flight, wind: Floats, noise: Noise, changes: dict[str, float] | None = None) -> Driven:
+def drive(
+    model: Model, flight: Flight, wind: Floats, noise: Noise, changes: Mapping[str, float] | None = None
+) -> Driven:
     """Run the model along a flight and filter what it leaves."""
     answer = model.answer(flight.drive, wind, changes)
     return judge(flight, wind, answer, gust_slopes(model, flight, wind, changes), noise)
@@ -82,30 +80,3 @@ def judge(flight: Flight, wind: Floats, answer: Floats, gust: Floats, noise: Noi
         np.array(noise.noise), gains, spreads, out,
     )  # fmt: skip
     return Driven(flight, wind, answer, gust, gains, spreads, out / spreads, float(cost))
-
-
-def fit_noise(flights: list[Driven], explained: list[Floats], start: Noise) -> Noise:
-    """The noise under which what is left, after `explained` (N, 7) was added to each answer, is likeliest."""
-
-    def unpack(x: Floats) -> Noise:
-        g = np.exp(x)
-        return replace(
-            start, gust_std=(g[0], g[0], g[1]), gust_tau=float(g[2]),
-            process=(0.0, 0.0, 0.0, g[3], g[4], g[5], g[6]), noise=(g[7], g[8], g[9], g[10], g[11], g[12], g[13]),
-        )  # fmt: skip
-
-    def cost(x: Floats) -> float:
-        noise = unpack(x)
-        return sum(
-            judge(item.flight, item.wind, item.answer + more, item.gust, noise).cost
-            for item, more in zip(flights, explained, strict=True)
-        )
-
-    g = [start.gust_std[0], start.gust_std[2], start.gust_tau, *start.process[3:], *start.noise]
-    begin = np.log(np.maximum(g, 1e-4))
-    bounds = [(np.log(a), np.log(b)) for a, b in [(0.01, 5), (0.01, 3), (0.2, 20)] + [(1e-5, 5)] * 4 + [(1e-4, 5)] * 7]
-    best = minimize(cost, begin, method="L-BFGS-B", bounds=bounds, options={"maxiter": 25, "eps": 1e-3})
-    return unpack(best.x)
-
-
-__all__ = ["CHANNELS", "Driven", "Noise", "drive", "fit_noise", "gust_slopes", "judge"]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flightlog.atmosphere import density_at
 from flightlog.rotations import matrix
-from sim.pipeline import Pipeline, run
+from sim.pipeline import Pipeline, run, settle
 from sim.terms.contract import GEOMETRY, KERNEL, SIGNALS
 from sim.wind.mean import mean_speed
 
@@ -22,6 +22,9 @@ Floats = NDArray[np.float64]
 CHANNELS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z", "rotor.speed")
 UNITS = ("m/s^2", "m/s^2", "m/s^2", "rad/s^2", "rad/s^2", "rad/s^2", "rad/s")
 FORCE, MOMENT, ROTOR = 0, 3, 6
+
+SETTLE_TICK, SETTLE_TICKS = 0.004, 250  # [s]: five of the slowest lag
+GROWING = ("fuel.burnt",)  # states that start with the flight and do not settle
 
 _signals = numba.from_dtype(SIGNALS)
 _geometry = numba.from_dtype(GEOMETRY)
@@ -38,6 +41,7 @@ _counts = types.Array(types.int64, 1, "C")
         _table, _vector, _vector, _vector, _vector, types.float64, types.float64, _table,
     ),
     cache=True,
+    nogil=True,
 )  # fmt: skip
 def along(
     kernels, spans, signals, geometry, x, p, held, edges, t, motion, rates, rotor, controls, wind, puff, inertia, arm,
@@ -203,10 +207,14 @@ class Drive:
     surface_temperature: float
 
 
-def answer(pipeline: Pipeline, inertia: Floats, drive: Drive, wind: Floats, puff: Floats) -> Floats:
-    """The model's answer (N, 7) along a flight; the pipeline is left as it was."""
+def answer(
+    pipeline: Pipeline, parameters: Floats, mass: float, inertia: Floats, drive: Drive, wind: Floats, puff: Floats
+) -> Floats:
+    """The model's answer (N, 7) along a flight with these `parameters`; the pipeline itself is not touched."""
     state = pipeline.state.copy()
-    s = pipeline.signals()
+    signals = np.zeros(1, dtype=SIGNALS)
+    signals[0] = pipeline.signals()
+    s = signals[0]
     r = matrix(drive.motion[0, 6:10])
     s["velocity"], s["up"] = r.T @ (drive.motion[0, 3:6] - wind), r[2]
     s["height"] = drive.motion[0, 2]
@@ -214,24 +222,25 @@ def answer(pipeline: Pipeline, inertia: Floats, drive: Drive, wind: Floats, puff
     s["rotor_speed"] = drive.rotor[0]
     for k, name in enumerate(("collective", "lateral", "longitudinal", "tail", "throttle")):
         s[name] = drive.controls[0, k]
-    begin = pipeline.state.copy()
-    pipeline.settle(s, 0.004, 500, float(drive.rotor[0]))
-    for name in ("fuel.burnt",):  # what only ever grows starts with the flight
-        index = pipeline.state_index(name)
-        if index >= 0:
-            pipeline.state[index] = begin[index]
-    s["time"] = 0.0
-    out = np.empty((len(drive.edges) - 1, 7))
-    signals = np.zeros(1, dtype=SIGNALS)
-    signals[0] = s
     geometry = np.zeros(1, dtype=GEOMETRY)
     geometry[0] = pipeline.geometry
-    along(
-        pipeline.kernels, pipeline.spans, signals, geometry, pipeline.state, pipeline.parameters,
-        pipeline.state_index("engine.speed"), drive.edges, drive.t, drive.motion, drive.rates, drive.rotor,
-        drive.controls, wind, puff, inertia, drive.arm, drive.surface_pressure, drive.surface_temperature, out,
+    geometry[0]["mass"] = mass
+    held = pipeline.state_index("engine.speed")
+    settle(
+        pipeline.kernels, pipeline.spans, s, geometry[0], state, parameters, SETTLE_TICK, SETTLE_TICKS, held,
+        float(drive.rotor[0]),
     )  # fmt: skip
-    pipeline.state[:] = state
+    for name in GROWING:
+        index = pipeline.state_index(name)
+        if index >= 0:
+            state[index] = pipeline.state[index]
+    s["time"] = 0.0
+    out = np.empty((len(drive.edges) - 1, 7))
+    along(
+        pipeline.kernels, pipeline.spans, signals, geometry, state, parameters, held, drive.edges, drive.t,
+        drive.motion, drive.rates, drive.rotor, drive.controls, wind, puff, inertia, drive.arm,
+        drive.surface_pressure, drive.surface_temperature, out,
+    )  # fmt: skip
     # what is measured is the mean of a node, so what lies between two is half of each
     out[1:, 3:] = 0.5 * (out[1:, 3:] + out[:-1, 3:])
     return out

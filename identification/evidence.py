@@ -40,24 +40,21 @@ def knob_slopes(
 ) -> dict[str, Floats]:
     """Derivative (N, 7) of the answer by every one of these numbers, one-sided, about the nominal or changed model."""
     at = dict(at or {})
-    base = model.answer(flight.drive, wind, at)
-    found = {}
+    still = np.zeros(3)
+    steps = {}
     for key in keys:
         knob = model.knobs[key]
-        value = at.get(key, knob.nominal)
-        step = knob.step if value + knob.step <= knob.high else -knob.step
-        found[key] = (model.answer(flight.drive, wind, at | {key: value + step}) - base) / step
-    return found
+        steps[key] = knob.step if at.get(key, knob.nominal) + knob.step <= knob.high else -knob.step
+    moved = [at | {key: at.get(key, model.knobs[key].nominal) + step} for key, step in steps.items()]
+    base, *found = model.answers(flight.drive, [(wind, changes, still) for changes in [at, *moved]])
+    return {key: (answer - base) / steps[key] for key, answer in zip(keys, found, strict=True)}
 
 
 def wind_slopes(model: Model, flight: Flight, wind: Floats, at: Mapping[str, float] | None = None) -> Floats:
     """Derivative (N, 7, 2) of the answer by the wind at 10 m, east and north."""
-    found = []
-    for axis in range(2):
-        step = np.zeros(3)
-        step[axis] = 0.5
-        found.append(model.answer(flight.drive, wind + step, at) - model.answer(flight.drive, wind - step, at))
-    return np.stack(found, axis=-1)
+    still, steps = np.zeros(3), 0.5 * np.eye(3)[:2]
+    runs = model.answers(flight.drive, [(wind + sign * s, at or {}, still) for s in steps for sign in (1.0, -1.0)])
+    return np.stack([runs[0] - runs[1], runs[2] - runs[3]], axis=-1)
 
 
 def gather(

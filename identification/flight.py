@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import convolve1d, uniform_filter1d
 
 from flightlog.atmosphere import SURFACE_PRESSURE, SURFACE_TEMPERATURE, density_at, pressure_at
 from flightlog.constants import GRAVITY, LAPSE_RATE
@@ -97,7 +97,7 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
     speed = tables["rotor"]
     turns = uniform_filter1d(np.asarray(speed["speed"], float), 5)
     rotor = np.interp(imu_t, np.asarray(speed["t"]), turns)
-    rates = uniform_filter1d(imu[:, 3:], _samples_a_turn(imu_t), axis=0)
+    rates = _over_a_turn(imu[:, 3:], _samples_a_turn(imu_t))
     controls = _held(tables["controls"], imu_t)
     drive = Drive(
         edges, imu_t, samples, np.ascontiguousarray(rates), rotor, controls, vehicle.sensors["imu"].position,
@@ -120,6 +120,13 @@ def _means(t: Floats, values: Floats, marks: Floats) -> Floats:
     total = np.bincount(which[inside], values[inside], len(marks) - 1)
     count = np.bincount(which[inside], minlength=len(marks) - 1)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _over_a_turn(values: Floats, samples: int) -> Floats:
+    """Mean over a turn of the rotor, centred to the sample: the ends count half."""
+    weights = np.ones(samples + 1)
+    weights[[0, -1]] = 0.5
+    return np.asarray(convolve1d(values, weights / weights.sum(), axis=0, mode="nearest"))
 
 
 def _samples_a_turn(t: Floats) -> int:

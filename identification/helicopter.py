@@ -10,8 +10,8 @@ from identification import evidence as ev
 from identification import kinematics as k
 from identification.bench import Baseline, Bench, Channel
 from identification.causes.contract import Cause
-from identification.drive import CHANNELS, Noise, drive
-from identification.dynamics import UNITS
+from identification.drive import Noise, drive
+from identification.dynamics import CHANNELS, UNITS
 from identification.flight import Flight, prepare
 from identification.model import Model
 from identification.stack import Rows
@@ -48,26 +48,37 @@ class HelicopterBench:
             **{100 + i: Channel(name, unit) for i, (name, unit) in enumerate(zip(CHANNELS, UNITS, strict=True))},
         }
         self._describe()
+        self._slopes: dict[int, dict[str, Floats]] = {}  # by flight, of the last time they were taken
+        self._by_wind: dict[int, Floats] = {}
         noise: Noise = like.noise if like is not None else START
         spread = float(vehicle.document["environment"]["wind_std"]["value"])
         self.winds = [ev.winds(self.model, flight, noise, spread) for flight in self.flights]
         self.noise: Noise = noise if like is not None else self._fit_noise()
         self.baseline = Baseline(True, None)
 
-    def rows(self, flight: int, changes: Mapping[str, float], keys: Collection[str] | None = None) -> Rows:
+    def rows(self, flight: int, changes: Mapping[str, float], fresh: Collection[str] = ()) -> Rows:
         """See `Bench.rows`."""
         knobs = {key: value for key, value in changes.items() if key in self.model.knobs}
         item, wind = self.flights[flight], self.winds[flight]
         driven = drive(self.model, item, wind, self.noise, knobs)
-        wanted = self._knob_keys if keys is None else [key for key in self._knob_keys if key in keys]
-        slopes = ev.knob_slopes(self.model, item, wind, wanted, knobs)
-        by_wind = ev.wind_slopes(self.model, item, wind, knobs)
-        found = ev.whiten(self.model, driven, self.causes, self.noise, slopes, by_wind, WIND_LEFT).rows
-        rest = {key: value for key, value in changes.items() if key not in knobs}
+        if flight not in self._slopes:
+            self._slopes[flight] = ev.knob_slopes(self.model, item, wind, self._knob_keys, knobs)
+            self._by_wind[flight] = ev.wind_slopes(self.model, item, wind, knobs)
+        elif fresh:
+            wanted = [key for key in self._knob_keys if key in fresh]
+            self._slopes[flight] |= ev.knob_slopes(self.model, item, wind, wanted, knobs)
+        found = ev.whiten(
+            self.model, driven, self.causes, self.noise, self._slopes[flight], self._by_wind[flight], WIND_LEFT
+        ).rows
         residual = found.residual
-        for key, value in rest.items():  # what a sensor adds is linear
-            residual = residual - found.signatures[key] * (value - self.nominal[key])
+        for key in changes.keys() - knobs.keys():  # what a sensor adds is linear
+            residual = residual - found.signatures[key] * (changes[key] - self.nominal[key])
         return Rows(residual, found.signatures, found.local, found.local_std, found.channel, found.t)
+
+    def bounded(self, key: str, value: float) -> float:
+        """See `Bench.bounded`."""
+        knob = self.model.knobs.get(key)
+        return value if knob is None else min(max(value, knob.low), knob.high)
 
     def _describe(self) -> None:
         own = {p.key: p for cause in self.causes for p in cause.parameters}

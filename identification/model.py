@@ -1,7 +1,9 @@
 """The vehicle's model with every number that may be turned."""
 
 import dataclasses
+import os
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -54,6 +56,11 @@ class Model:
         self._parameters |= {name: dict(NEUTRAL[name]) for name in added}
         self._terms = [*vehicle.terms, *(CATALOGUE[name] for name in added)]
         self._pipeline = Pipeline(self._terms, self._parameters, vehicle.geometry)
+        self._places = {
+            f"terms.{term.name}.{p.name}": int(span[2]) + i
+            for term, span in zip(self._pipeline.terms, self._pipeline.spans, strict=True)
+            for i, p in enumerate(term.parameters)
+        }
         self.knobs: dict[str, Knob] = {knob.key: knob for knob in self._knobs()}
 
     @property
@@ -69,33 +76,22 @@ class Model:
         wind (3,) [m/s] ENU at 10 m with its profile; puff (3,) the same at every height.
         """
         pipeline, inertia = self._pipeline, self.vehicle.inertia.copy()
-        before = pipeline.parameters.copy()
-        mass = float(pipeline.geometry["mass"])
-        try:
-            for key, value in (changes or {}).items():
-                if key == "mass":
-                    pipeline.geometry["mass"] = value
-                elif key.startswith("inertia."):
-                    inertia[int(key[-1])] = value
-                else:
-                    _, term, name = key.split(".")
-                    pipeline.set_parameter(term, name, value)
-            return answer(pipeline, inertia, drive, wind, puff)
-        finally:
-            pipeline.parameters[:] = before
-            pipeline.geometry["mass"] = mass
+        parameters, mass = pipeline.parameters.copy(), float(pipeline.geometry["mass"])
+        for key, value in (changes or {}).items():
+            if key == "mass":
+                mass = value
+            elif key.startswith("inertia."):
+                inertia[int(key[-1])] = value
+            else:
+                parameters[self._places[key]] = value
+        return answer(pipeline, parameters, mass, inertia, drive, wind, puff)
 
-    def slope(
-        self, drive: Drive, wind: Floats, key: str, at: Mapping[str, float] | None = None, step: float | None = None
-    ) -> Floats:
-        """Derivative (N, 7) of the answer by a number, about `at`; one-sided where the range ends."""
-        knob, at = self.knobs[key], dict(at or {})
-        step = knob.step if step is None else step
-        value = at.get(key, knob.nominal)
-        high, low = min(value + step, knob.high), max(value - step, knob.low)
-        up = self.answer(drive, wind, at | {key: high})
-        down = self.answer(drive, wind, at | {key: low})
-        return (up - down) / (high - low)
+    def answers(
+        self, drive: Drive, runs: Sequence[tuple[Floats, Mapping[str, float], Floats]]
+    ) -> list[Floats]:
+        """Many answers (N, 7) along one flight, each for its (wind, changes, puff), on all cores."""
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return list(pool.map(lambda run: self.answer(drive, run[0], run[1], run[2]), runs))
 
     def _knobs(self) -> Sequence[Knob]:
         document = self.vehicle.document

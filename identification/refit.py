@@ -17,9 +17,11 @@ from identification.stack import Stack, stack
 
 Floats = NDArray[np.float64]
 
-ROUNDS = 6
-STEP_LIMIT = 2.0  # spreads that one step may go
-SETTLED = 0.02  # standard deviations
+ROUNDS = 10
+STEP_LIMIT = 2.0  # of the prior's standard deviation that one step may go
+MOVED = 0.3  # of it, beyond which a signature is taken anew
+GAINED = 0.1  # nats that a round must gain
+SMALLEST_SHARE = 0.05  # of a step
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +34,8 @@ class Refit:
     log_evidence: float  # of the data, without the constant that all hypotheses share
     cost: float  # half the residual's square, nuisances free within their priors
     covariance: Floats  # (P, P) of the causes' parameters in the order of `values`
+    at: Mapping[str, float]  # where the model was last linearised: absolute, by key, what is not nominal
+    stack: Stack  # there
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,31 +74,57 @@ def refit(
     start: Mapping[str, float] | None = None,
     flights: Sequence[int] | None = None,
 ) -> Refit:
-    """Fit these causes together, tolerances and each flight's own unknowns free; `start`: absolute values."""
+    """Fit these causes together, everything that has a tolerance with them; `start`: absolute values to begin at.
+
+    No causes: the null. Signatures are taken anew for what has moved by more than MOVED of its prior; for the rest the
+    chord serves.
+    """
     which = range(len(bench.names)) if flights is None else flights
-    own_keys = [p.key for cause in causes for p in cause.parameters]
-    at = {key: bench.nominal[key] for key in own_keys} | dict(start or {})
-    spread = {key: bench.spreads[key] for key in own_keys}
-    found: _Solved | None = None
-    best: tuple[dict[str, float], _Solved] | None = None
-    for _ in range(ROUNDS if causes else 1):
-        rows = [bench.rows(i, at) for i in which]
+    own = [p.key for cause in causes for p in cause.parameters]
+    prior = dict(bench.tolerances) | {key: bench.spreads[key] for key in own}
+    prior = {key: std for key, std in prior.items() if std > 0.0}
+    at = dict(start or {})
+    fresh: set[str] = {key for key in at if key in prior}
+    best: tuple[dict[str, float], _Solved, Stack, float] | None = None
+    share = 1.0
+    for _ in range(ROUNDS):
+        rows = [bench.rows(i, at, fresh) for i in which]
         s = stack(rows, list(rows[0].signatures))
-        std = np.array([spread.get(key, bench.tolerances.get(key, 0.0)) for key in s.keys])
+        std = np.array([prior.get(key, 0.0) for key in s.keys])
         shift = np.array([at[key] - bench.nominal[key] if key in at else 0.0 for key in s.keys])
-        found = _solve(s, std, shift, s.index(own_keys))
-        if best is None or found.log_evidence > best[1].log_evidence:
-            best = dict(at), found
-        moved = 0.0
-        for key in own_keys:
-            step = float(np.clip(found.step[key], -STEP_LIMIT * spread[key], STEP_LIMIT * spread[key]))
-            moved = max(moved, abs(step) / max(found.std[key], 1e-12))
-            at[key] += step
-        if moved < SETTLED:
-            break
+        here = _cost(s, std, shift)
+        fresh = set()
+        if best is not None and here > best[3] - GAINED:
+            if share < SMALLEST_SHARE or here < best[3] + GAINED:
+                break
+            share *= 0.3  # too far for a straight line
+        else:
+            best = dict(at), _solve(s, std, shift, s.index(list(prior))), s, here
+            share = min(1.0, 2.0 * share)
+        where, solved = best[0], best[1]
+        at = {}
+        for key, width in prior.items():
+            step = share * float(np.clip(solved.step[key], -STEP_LIMIT * width, STEP_LIMIT * width))
+            at[key] = bench.bounded(key, where.get(key, bench.nominal[key]) + step)
+            if abs(step) > MOVED * width:
+                fresh.add(key)
     assert best is not None
-    where, solved = best
-    values = {key: where[key] + solved.step[key] for key in own_keys}
+    where, solved, s, _ = best
+    reached = {key: where.get(key, bench.nominal[key]) + solved.step[key] for key in prior}
+    chosen = [list(prior).index(key) for key in own]
     return Refit(
-        tuple(c.name for c in causes), values, solved.std, solved.log_evidence, solved.cost, solved.covariance
-    )  # fmt: skip
+        causes=tuple(c.name for c in causes),
+        values={key: reached[key] for key in own},
+        std={key: solved.std[key] for key in own},
+        log_evidence=solved.log_evidence,
+        cost=solved.cost,
+        covariance=solved.covariance[np.ix_(chosen, chosen)],
+        at=where,
+        stack=s,
+    )
+
+
+def _cost(s: Stack, std: Floats, shift: Floats) -> float:
+    """Half the square of the residual as it is, and of what was spent of the priors."""
+    spent = shift[std > 0.0] / std[std > 0.0]
+    return 0.5 * (s.square + float(spent @ spent))
