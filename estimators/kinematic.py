@@ -69,8 +69,9 @@ class KinematicNavigator:
         self._altitude = AltitudeFilter(high, t - self.LATE, epochs)
         self._position = PositionFilter(side, t - self.LATE, epochs)
         self._still = np.zeros(INPUTS)
-        self._baro_row = np.zeros(6)
-        self._baro_row[[altitude.H, altitude.B_Q]] = 1.0
+        self._baro_row, self._sonar_row = np.zeros(6), np.zeros(6)
+        self._baro_row[[altitude.H, altitude.B_Q]] = self._sonar_row[altitude.H] = 1.0
+        self._alone = not {"baro", "gps"} & equipment.sensors.keys()
         # what the lever arms ask for: an attitude without a history
         self._memory = np.zeros(1, ATTITUDE)
         self._memory["q"] = [1.0, 0.0, 0.0, 0.0]
@@ -161,7 +162,9 @@ class KinematicNavigator:
         distance, height = (s.range, height) if heard else (math.nan, math.nan)
         share = math.hypot(device["noise_share"], device["scale_std"])
         variance = (share * distance) ** 2 + device["resolution"] ** 2 if heard else 1.0
-        if not self._altitude.sonar(s.t, height, variance, lever):
+        if self._alone:  # the altitude filter hears a ranger only where another height says that it is in reach
+            self._altitude.kalman.insert(s.t, altitude.SONAR, self._sonar_row, height, variance)
+        elif not self._altitude.sonar(s.t, height, variance, lever):
             self._refused["sonar"] += 1
         self._echo = float(self._altitude.kalman.last["accepted"][altitude.TOPIC_SONAR])
 

@@ -68,8 +68,9 @@ def _finite(table: Table, *columns: str) -> Floats:
 def _likely(value: float, right: float, si: str) -> str | None:
     """The unit in which a quantity of about `right` in SI reads `value`."""
     factors = {unit: abs(np.log(value * factor / right)) for unit, factor in units_of(si).items() if value > 0.0}
-    best = min(factors, key=lambda unit: factors[unit], default=None)
-    return best if best is not None and factors[best] < np.log(3.0) else None
+    best = min(factors.values(), default=np.inf)
+    # of units that differ by a few per cent (cm/s^2 and a thousandth of gravity) the first is the usual one
+    return next((unit for unit, off in factors.items() if off < min(best + np.log(1.1), np.log(3.0))), None)
 
 
 def _times(tables: Tables) -> Iterator[Fault]:
