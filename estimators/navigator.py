@@ -54,7 +54,7 @@ GRAIN = 0.003  # [m] neither mount nor pad are known better
 SCALE = 1e-3  # [1] of the lateral distance: focal length
 ALIKE = 10.0  # echoes
 SAME_INSTANT = 1e-3  # [s]
-FAST = AttitudeGains(level=2.0, integral=0.3)  # flow finds the tilt error within half a second
+FAST = AttitudeGains(level=2.0, integral=0.3)  # flow or a horizon finds the tilt error within half a second
 AT_REST = (0.0005, 0.005, 0.03)  # [m], [m/s], [m/s^2] a flight begins by flow alone, trimmed over its origin
 
 
@@ -87,7 +87,7 @@ class Navigator:
         self._eyes = eyes = eyes or Eyes()
         self._front_end = eyes.pad
         self._horizons = eyes.horizons
-        self._attitude = AttitudeFilter(equipment, FAST) if flow else AttitudeFilter(equipment)
+        self._attitude = AttitudeFilter(equipment, FAST) if flow or horizon else AttitudeFilter(equipment)
         self._period = 1.0 / equipment.sensors["imu"].rate
         self._altitude: AltitudeFilter
         self._position: PositionFilter

@@ -24,10 +24,10 @@ POINTS = 400  # along the line
 LEAST_POINTS = 20
 LEAST_FOUND = 0.3  # share of the points
 LEAST_HEIGHT = 0.3  # of the upper quartile of step heights: less is no edge of the horizon
-WHOLE_PIXEL = 0.5  # [px] noise of points that lie on whole pixels
+SKYLINE_NOISE = 0.3  # [px] of a column's own end of the sky
 TUKEY = 4.685
 ROUNDS = 12
-SHARP = 0.35  # [px] the scale of a straight edge; hills and trees are rougher
+SHARP = 0.45  # [px] the scale of a straight edge, even drawn in steps of a pixel; hills and trees are rougher
 FEET_REACH = 24.0  # [px] about a ragged line
 FEET_TURN = math.radians(3.0)
 FEET_STEP = 5.0  # [grey levels]
@@ -92,7 +92,7 @@ def rough(pixels: Floats, camera: CameraModel, up: Floats) -> HorizonFit | None:
     basis = np.column_stack([ahead, np.cross(up, ahead)])
     # up + basis (a, b) is at right angles to a ray where the ray is that much below the first plane
     jacobian = camera.fx * rays @ basis
-    turn, residuals, weights, scale = lower_line(jacobian, -camera.fx * rays @ up, WHOLE_PIXEL)
+    turn, residuals, weights, scale = lower_line(jacobian, -camera.fx * rays @ up, SKYLINE_NOISE)
     up = up + basis @ turn
     return _judged(up / np.linalg.norm(up), basis, jacobian, residuals, weights, scale, camera)
 

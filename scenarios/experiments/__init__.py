@@ -11,6 +11,9 @@ EXPERIMENTS: tuple[str, ...] = (  # modules of this package in the order of the 
     "wu2019_calibration",
     "wu2019_refuelling",
     "zeng_hover",
+    "huang_sequences",
+    "huang_dive",
+    "huang_hold",
 )
 
 
