@@ -1,12 +1,14 @@
 """Runs a navigator over a measured log, in the log's own clock."""
 
 import math
+from array import array
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from estimators.kinematic import Angles, KinematicNavigator
@@ -17,8 +19,7 @@ from flightlog.equipment import Equipment
 from flightlog.errors import UserError
 from flightlog.signals import Controls, ImuSample, Measurement, StateEstimate
 from flightlog.tables import Table
-from flightlog.tables import table as make_table
-from flightlog.topics import estimate_row
+from flightlog.topics import columns_of, estimate_row, topic_of
 
 Floats = NDArray[np.float64]
 
@@ -27,6 +28,7 @@ PERIOD = 0.02  # [s] of a run without inertial samples
 ACCELERATION = 2.0  # [m/s^2/sqrt(Hz)] then: a surge of 3 m/s^2 for half a second
 PAUSE = 30.0  # [s] without inertial samples, after which a navigator begins anew
 WITHOUT_IMU = ("baro", "gps", "sonar")
+COLUMNS = columns_of("measured", "estimate")
 
 Maker = Callable[[], Navigator]
 Progress = Callable[[float], None]
@@ -62,7 +64,7 @@ def run(
     Raises:
         UserError: the log has neither inertial samples nor height or position.
     """
-    rows: list[tuple[float, ...]] = []
+    rows = array("d")
     used: set[str] = set()
     rejected: Counter[str] = Counter()
     inertial = any("imu" in tables for tables in segments)
@@ -75,15 +77,17 @@ def run(
             taken = taken - set(SEEN) | {"frames"}
         used |= taken
         for navigator, state in _states(own, tables, equipment, pictures, rejected):
-            rows.append(estimate_row(state))
-            if progress is not None and len(rows) % 100 == 0:
+            rows.extend(estimate_row(state))
+            if progress is not None and len(rows) % (100 * len(COLUMNS)) == 0:
                 progress(state.t)
             latest = navigator
         rejected.update(latest.rejected)
     if not rows:
         names = ", ".join(sorted({name for tables in segments for name in tables}))
         raise UserError(f"nothing to estimate from: an imu, or baro, gps or sonar would be right; there is {names}")
-    table = make_table("measured", "estimate", rows)
+    columns = np.array(rows).reshape(-1, len(COLUMNS)).T
+    fields = [pa.field(column.name, pa.float64(), metadata={"unit": column.unit}) for column in COLUMNS]
+    table = Table("estimate", pa.table(list(columns), pa.schema(fields)), topic_of("measured", "estimate"))
     return Run(table, tuple(topic for topic in (*KINDS, "frames") if topic in used), dict(rejected), inertial)
 
 
