@@ -72,7 +72,8 @@ def our_fusion(m: Minute, vision: Floats, variance: Floats) -> tuple[Floats, Flo
     """Times, heights and their standard deviations of Helideck's altitude filter, accelerometer included."""
     rng = np.random.default_rng([7, round(100 * m.height)])
     bias, white = ACCELEROMETER[0] * rng.standard_normal(), ACCELEROMETER[1]
-    filter_ = AltitudeFilter(AltitudeNoise(), -0.1)
+    # no rotor turns, so there is no vibration to allow for
+    filter_ = AltitudeFilter(AltitudeNoise(acceleration=0.01), -0.1)
     times = np.arange(0.0, m.t[-1] + 1.0 / RATE, 1.0 / INERTIAL_RATE)
     due = sorted(
         [(t, 0, k) for k, t in enumerate(m.t_baro)]
