@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from estimators.eyes import FrontEnd
 from estimators.vision.any_h import AnyHFrontEnd
+from estimators.vision.pose import level_axes
 from estimators.vision.sighting import PadSighting
 from flightlog.camera import CameraModel, CameraMount
 from flightlog.equipment import CameraSpec, Equipment
@@ -114,7 +115,8 @@ class PadViewer:
         if seen is None:
             return PadAnswer(str(path), found=False)
         how: How = "given" if attitude is not None else "solved" if tilt_std < SOLVED else "level"
-        return self._answer(path, seen, how, tilt_std)
+        up = seen.up if how == "solved" else level_axes(known, MOUNT).up
+        return self._answer(path, seen, up, how, tilt_std)
 
     def _attitude(self, path: Path) -> tuple[float, float] | None:
         if self.table is not None:
@@ -142,10 +144,10 @@ class PadViewer:
         assert eye is not None
         return eye
 
-    def _answer(self, path: Path, seen: PadSighting, how: How, tilt_std: float) -> PadAnswer:
-        forward = np.array([0.0, -1.0, 0.0]) + seen.up[1] * seen.up  # image up, made horizontal
+    def _answer(self, path: Path, seen: PadSighting, up: Floats, how: How, tilt_std: float) -> PadAnswer:
+        forward = np.array([0.0, -1.0, 0.0]) + up[1] * up  # image up, made horizontal
         forward /= np.linalg.norm(forward)
-        axes = np.stack([-seen.up, forward, np.cross(seen.up, forward)])
+        axes = np.stack([-up, forward, np.cross(up, forward)])
         height, ahead, left = axes @ seen.position
         # a tilt error turns the mark about the camera
         tilt = np.array([math.hypot(ahead, left), height, height]) * tilt_std

@@ -40,8 +40,8 @@ LEAST_EXPLAINED = 0.85
 STROKES, GAPS = (0.6, 1.4), 0.28  # contrast of the parts over the whole's
 PROPORTIONS = ((0.5, 1.4), (0.09, 0.34))  # width and stroke over leg
 NARROWEST_GAP = 0.1  # between the legs, over the leg
-CARRIES_TILT = 5.0  # leg^2/f [px]: 0.15 px of a picture's faults are then less than 2 deg of tilt
-FAULTS = 0.1  # [px] that lens, print and picture are wrong by
+CARRIES_TILT = 5.0  # [px] leg^2/f beyond which a picture's faults are less than 2 deg of tilt
+FAULTS, TILT_FAULTS = 0.1, 0.15  # [px] that lens, print and picture are wrong by, together and across the mark
 
 
 def sound(fit: BlurFit) -> bool:
@@ -195,13 +195,18 @@ class AnyHFrontEnd:
         scale = next((s for s in scales if self._leg_in(look, s) <= FINAL_LEG), scales[-1])
         full = self._leg_in(look, scales[0])
         carried = full**2 / min(self.camera.fx, self.camera.fy) >= CARRIES_TILT and found.visible > 0.95
-        tilt = self.tilt_std if carried or self.tilt_std < math.radians(1.0) else 1e-3
+        # a tilt that is known better than a picture could tell is left alone
+        solvable = carried and self.tilt_std > TILT_FAULTS / CARRIES_TILT
+        tilt = self.tilt_std if solvable else 1e-3
         start = replace(look, sweep=look.sweep / scale.factor, blur=max(look.blur / scale.factor, 0.4))
         fit = fit_blurred(scale.image, scale.camera, start, Beliefs(self._usual, self._spread, tilt), iterations=25)
         if fit is None or not sound(fit) or not enough_seen(self._corners(fit.look), self.camera):
             return None
-        worse = float(np.sqrt(np.linalg.eigvalsh(fit.covariance[4:6, 4:6])[-1])) if tilt > 1e-3 else self.tilt_std
-        return AnyHSighting(self._sighting(fit, scale), fit.look.mark, min(worse, self.tilt_std))
+        worst = self.tilt_std
+        if solvable:
+            worst = float(np.sqrt(np.linalg.eigvalsh(fit.covariance[4:6, 4:6])[-1]))
+            worst = min(math.hypot(worst, TILT_FAULTS * min(self.camera.fx, self.camera.fy) / full**2), self.tilt_std)
+        return AnyHSighting(self._sighting(fit, scale), fit.look.mark, worst)
 
     def _corners(self, look: Look) -> Floats:
         """Corners (12, 2) [px] of the outline."""

@@ -23,6 +23,7 @@ Image = NDArray[np.uint8]
 MARGIN = 0.12  # of the mark's size around it that must be plain
 FEWEST, LARGEST = 60, 120_000  # [px] of the picture
 COARSEST = 1.5  # [grey levels] no picture is better than this: compression, rounding
+MODELLED = 0.02  # of the range of greys: a pixel's square is no Gaussian, a print not quite plain
 CORRELATED = 1.6  # growth of the noise because neighbouring pixels' errors go together
 SWEEP_STD, BLUR_STD = 8.0, 0.6  # [px], of the logarithm: priors of motion and round blur
 MOST_SWEPT, MOST_BLURRED = 0.9, 0.2  # of the leg
@@ -222,7 +223,13 @@ def _solve(basis: Floats, grey: Floats) -> Floats:
 
 
 def _scale(patch: _Patch, camera: CameraModel, look: Look) -> float:
-    return max(COARSEST, 1.4826 * float(np.median(np.abs(_residuals(patch, camera, look)))))
+    return max(_floor(patch), 1.4826 * float(np.median(np.abs(_residuals(patch, camera, look)))))
+
+
+def _floor(patch: _Patch) -> float:
+    """Least noise [grey levels]."""
+    low, high = np.percentile(patch.grey, (5, 95))
+    return max(COARSEST, MODELLED * float(high - low))
 
 
 def _off_usual(look: Look, beliefs: Beliefs) -> tuple[Floats, Floats]:
@@ -282,7 +289,7 @@ def _result(image: Image, camera: CameraModel, look: Look, beliefs: Beliefs) -> 
     if patch is None:
         return None
     residuals, jacobian = _linearised(patch, camera, look)
-    scale = max(COARSEST, 1.4826 * float(np.median(np.abs(residuals))))
+    scale = max(_floor(patch), 1.4826 * float(np.median(np.abs(residuals))))
     contrast = float(_solve(jacobian[:, 11:], patch.grey)[3])
     weights = np.minimum(1.0, 2.0 * scale / np.maximum(np.abs(residuals), 1e-9)) / (CORRELATED * scale) ** 2
     normal = (jacobian * weights[:, None]).T @ jacobian
