@@ -72,7 +72,8 @@ def match(first: Image, second: Image, corners: Integers, size: int, reach: int)
         block would leave the picture.
     """
     found = np.empty((len(corners), 7), np.int64)
-    _match(first, second, np.ascontiguousarray(corners, np.int64), size, reach, found)
+    whole = np.ascontiguousarray(first), np.ascontiguousarray(second)  # compiled once
+    _match(*whole, np.ascontiguousarray(corners, np.int64), size, reach, found)
     return found
 
 
