@@ -28,6 +28,8 @@ SKYLINE_NOISE = 0.3  # [px] of a column's own end of the sky
 TUKEY = 4.685
 ROUNDS = 12
 SHARP = 0.45  # [px] the scale of a straight edge, even drawn in steps of a pixel; hills and trees are rougher
+CLOSE = 0.4  # of the reach: nearer to the end of the sky than to any other edge
+WHOLE = 0.7  # share of the points of a straight skyline
 FEET_REACH = 24.0  # [px] about a ragged line
 FEET_TURN = math.radians(3.0)
 FEET_STEP = 5.0  # [grey levels]
@@ -65,9 +67,13 @@ class _Course:
 def refit(layer: Image, camera: CameraModel, up: Floats, reach: float) -> HorizonFit | None:
     """The straight edge nearest to the world's up (3,) in camera axes along which `layer` (H, W) is brighter above.
 
-    reach [px]: how far it may be from there. Where the edge is rough, the straight one at its foot is taken. None
-    where there is no straight edge along most of it, as at a horizon of trees.
+    reach [px]: how far it may be from there. A straight skyline is the horizon, however faint, as no terrain is
+    straight; where the skyline is rough, the straight edge at its foot is taken. None where there is no straight edge
+    along most of it, as at a horizon of trees.
     """
+    fit = _fit(layer, camera, up, CLOSE * reach)
+    if fit is not None and fit.scale < SHARP and fit.share > WHOLE:
+        return fit
     fit = _fit(layer, camera, up, reach)
     if fit is not None and fit.scale < SHARP:
         return fit

@@ -24,6 +24,7 @@ SHORTEST = 0.25  # of the width
 BESIDE = 6.0  # [px] how far beside a line its two sides are compared: beyond the filter's own width
 LEAST_RATIO = 0.02
 CANDIDATES = 20
+QUIETEST = 0.5  # response to a third of a grey level's step: less is rounding
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ def edges(grey: Image) -> Image:
     down = cv2.sepFilter2D(grey, cv2.CV_32F, GAUSS, SECOND, borderType=cv2.BORDER_REPLICATE)
     size = cv2.absdiff(across, -down)
     largest = float(size.max())
-    if largest <= 0.0:
+    if largest < QUIETEST:
         return np.zeros_like(grey)
     scaled = cv2.convertScaleAbs(size, alpha=255.0 / largest)
     level = otsu(np.asarray(scaled, np.uint8))
