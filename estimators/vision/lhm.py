@@ -112,15 +112,16 @@ def iterate(sums: Sums, start: Floats, rounds: int = ROUNDS, settled: float = SE
     return rotation, number
 
 
-def polish(sums: Sums, start: Floats) -> Floats | None:
+def polish(sums: Sums, start: Floats, steps: int = NEWTON) -> Floats | None:
     """The minimum (3, 3) downhill from the rotation `start` (3, 3), by Newton's steps on the same error.
 
     sums of one picture. The iteration comes near fast and arrives slowly; this is the other way round. Where the error
-    bends down, as between the two minima of a flat object, the step goes downhill too. None where it has not arrived.
+    bends down, as between the two minima of a flat object, the step goes downhill too. None where it has not arrived
+    after so many `steps`.
     """
     rotation = np.asarray(start, float)
     before = float(error(sums, rotation))
-    for _ in range(NEWTON):
+    for _ in range(steps):
         slopes = (_TURNS @ rotation).reshape(3, 9)
         pull = sums.energy @ rotation.ravel()
         bend = rotation @ pull.reshape(3, 3).T

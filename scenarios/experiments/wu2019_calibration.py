@@ -91,7 +91,8 @@ def _views(rng: np.random.Generator, count: int) -> list[tuple[Floats, Floats]]:
         z = (aim - place) / np.linalg.norm(aim - place)
         x = np.cross([0.0, 1.0, 0.0], z)
         x /= np.linalg.norm(x)
-        turn = cv2.Rodrigues(np.array([0.0, 0.0, rng.uniform(-0.5, 0.5) + math.pi * rng.integers(2)]))[0]
+        # turned every way about the optical axis: a principal point and a tilt look alike from one side only
+        turn = cv2.Rodrigues(np.array([0.0, 0.0, rng.uniform(-math.pi, math.pi)]))[0]
         axes = np.asarray(np.column_stack([x, np.cross(z, x), z]) @ turn, float)
         if TRUE.contains(TRUE.project((ends - place) @ axes), 8.0).all():
             views.append((place, axes))

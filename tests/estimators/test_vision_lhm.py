@@ -186,3 +186,15 @@ def test_the_covariance_is_the_scatter():
     ratio = np.std(found, axis=0) / np.sqrt(np.diag(stated))
     print(f"scatter over stated standard deviation: {np.round(ratio, 3)}")
     np.testing.assert_allclose(ratio, 1.0, atol=0.15)
+
+
+def test_newtons_steps_double_the_digits():
+    """From 0.05 rad beside a minimum: three steps and a fourth that does not move any more."""
+    rng = np.random.default_rng(9)
+    for _ in range(20):
+        points = scattered(rng, 12, False)
+        seen, _ = rays(points, facing(0.3, -0.2, 0.4), np.array([0.2, 0.1, 2.5]), rng, 0.5)
+        sums = lhm.gather(points, seen)
+        end = lhm.solve(points, seen, flat=False)[0].rotation
+        rotation = Rotation.from_rotvec(0.05 * rng.standard_normal(3) / math.sqrt(3)).as_matrix() @ end
+        assert apart(lhm.polish(sums, rotation, steps=5), end) < 1e-6
