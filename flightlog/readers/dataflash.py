@@ -5,7 +5,7 @@ by numpy type by type, so a log of hours is read in seconds; what lies broken be
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,8 +61,13 @@ class Messages:
 class _Format:
     name: str
     types: str
-    columns: Sequence[str]
+    columns: tuple[str, ...]
     length: int  # [bytes] with the header
+
+    @property
+    def sound(self) -> bool:
+        """Whether each column has a type and a name of its own."""
+        return len(self.columns) == len(self.types) == len(set(self.columns))
 
 
 def parse(path: Path) -> tuple[dict[str, Messages], list[str]]:
@@ -86,6 +91,7 @@ def _binary(data: bytes) -> tuple[dict[str, Messages], list[str]]:
     lengths = [0] * 256
     lengths[FMT] = 89
     places: list[list[int]] = [[] for _ in range(256)]
+    earlier: list[tuple[_Format, list[int]]] = []  # of types that were declared anew
     notes: list[str] = []
     position, size = 0, len(data)
     skipped, first_skipped, cut = 0, -1, False
@@ -105,8 +111,11 @@ def _binary(data: bytes) -> tuple[dict[str, Messages], list[str]]:
         if kind == FMT:
             found = _format(data[position + HEADER : position + length], notes)
             if found is not None:
-                formats[found[0]] = found[1]
-                lengths[found[0]] = found[1].length
+                number, form = found
+                if places[number] and form != formats[number]:
+                    earlier.append((formats[number], places[number]))
+                    places[number] = []
+                formats[number], lengths[number] = form, form.length
         places[kind].append(position)
         position += length
     if skipped:
@@ -115,10 +124,9 @@ def _binary(data: bytes) -> tuple[dict[str, Messages], list[str]]:
         notes.append(f"ends in the middle of a message, {size - position} byte(s) after the last whole one")
     block = np.frombuffer(data, np.uint8)
     messages: dict[str, Messages] = {}
-    for kind, offsets in enumerate(places):
-        if offsets and kind != FMT:
-            found_rows = _rows(block, np.array(offsets), formats[kind])
-            _merge(messages, found_rows)
+    last = [(formats[kind], offsets) for kind, offsets in enumerate(places) if offsets and kind != FMT]
+    for form, offsets in (*earlier, *last):
+        _merge(messages, _rows(block, np.array(offsets), form))
     return messages, notes
 
 
@@ -128,7 +136,7 @@ def _format(body: bytes, notes: list[str]) -> tuple[int, _Format] | None:
     name, types, columns = (
         part.split(b"\0")[0].decode("ascii", "replace").strip() for part in (body[2:6], body[6:22], body[22:86])
     )
-    names = [column.strip() for column in columns.split(",")] if columns else []
+    names = tuple(column.strip() for column in columns.split(",")) if columns else ()
     if kind == FMT:
         return None
     size = sum(64 if c == "a" else np.dtype(_FIELDS[c][0]).itemsize for c in types if c in _FIELDS)
@@ -180,8 +188,8 @@ def _merge(messages: dict[str, Messages], found: Messages) -> None:
 def _text(data: bytes) -> tuple[dict[str, Messages], list[str]]:
     """A log written out as lines `NAME, value, value, ...`; the values are scaled already."""
     formats: dict[str, _Format] = {}
-    rows: dict[str, list[list[str]]] = {}
-    places: dict[str, list[int]] = {}
+    rows: dict[_Format, list[list[str]]] = {}  # a format declared anew begins anew
+    places: dict[_Format, list[int]] = {}
     broken, first_broken = 0, -1
     lines = data.decode("utf-8", "replace").splitlines()
     for number, line in enumerate(lines):
@@ -192,34 +200,34 @@ def _text(data: bytes) -> tuple[dict[str, Messages], list[str]]:
         if name == "FMT":
             parts = [part.strip() for part in rest.split(",")]
             if len(parts) >= 4 and parts[1].isdigit():
-                columns = [part for part in parts[4:] if part]
+                columns = tuple(part for part in parts[4:] if part)
                 formats[parts[2]] = _Format(parts[2], parts[3], columns, int(parts[1]))
             continue
         form = formats.get(name)
         if form is None:
             continue
         values = [value.strip() for value in rest.split(",", max(0, len(form.columns) - 1))]
-        if len(values) != len(form.columns) or len(form.columns) != len(form.types):
+        if len(values) != len(form.columns) or not form.sound:
             broken += 1
             first_broken = number + 1 if first_broken < 0 else first_broken
             continue
-        rows.setdefault(name, []).append(values)
-        places.setdefault(name, []).append(number)
+        rows.setdefault(form, []).append(values)
+        places.setdefault(form, []).append(number)
     notes = []
     if broken:
         notes.append(f"{broken} line(s) left out that do not have the values their format says, the first line "
                      f"{first_broken}")  # fmt: skip
     if lines and not data.endswith((b"\n", b"\r")):
         notes.append("the last line has no end: the log may break off there")
-    messages = {}
-    for name, found in rows.items():
-        form = formats[name]
+    messages: dict[str, Messages] = {}
+    for form, found in rows.items():
+        name = form.name
         cells = [np.array(values) for values in zip(*found, strict=True)]
         columns_found: dict[str, NDArray] = {}  # type: ignore[type-arg]
         for column, kind, cell in zip(form.columns, form.types, cells, strict=True):
             columns_found[column] = cell if kind in _TEXT + "M" else _floats(cell, f"{name}.{column}", notes)
         kinds = dict(zip(form.columns, form.types, strict=True))
-        messages[name] = Messages(name, columns_found, kinds, np.array(places[name]))
+        _merge(messages, Messages(name, columns_found, kinds, np.array(places[form])))
     return messages, notes
 
 

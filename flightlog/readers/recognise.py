@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+import numpy as np
+
 from flightlog.errors import UserError
 from flightlog.flight_json import NAME, read_flight_json
 from flightlog.readers.csv import GZIP, PATTERN, read_csv, read_folder
@@ -22,8 +24,11 @@ def read_log(path: Path | str, mapping: Path | str | None = None) -> Log:
         path: a flight folder, a folder of CSV files, a CSV file, a ULog, a DataFlash log (binary or text).
         mapping: what a CSV's columns are; None: the file `<log name>.mapping.toml` beside it, if any.
     """
-    path = Path(path)
-    mapping = None if mapping is None else Path(mapping)
+    with np.errstate(all="ignore"):  # numbers out of broken files are anything
+        return _read(Path(path), None if mapping is None else Path(mapping))
+
+
+def _read(path: Path, mapping: Path | None) -> Log:
     if not path.exists():
         raise UserError(f"{path}: no such log; {WANTED}")
     if path.is_dir():

@@ -238,6 +238,19 @@ def test_broken_lines_cost_only_themselves(tmp_path):
     assert any("the last line has no end" in note for note in log.notes)
 
 
+def test_a_format_declared_anew_begins_anew(tmp_path):
+    lines = old().splitlines()
+    wide = "FMT, 1, 19, ATT, cccccCCh, RollIn,Roll,PitchIn,Pitch,YawIn,Yaw,NavYaw,Err"
+    again = [line + ", 7" if line.startswith("ATT") else line for line in lines[-50:]]
+    log = read_log(write(tmp_path, "\n".join([*lines, wide, *again])))
+    assert len(log.tables["estimate"]) == 60  # the longer part; rows of two shapes are not mixed
+    path = tmp_path / "again.BIN"
+    path.write_bytes(dataflash({"A": ("Qf", "TimeUS,X")}, [("A", (k, 1.0)) for k in range(9)])
+                     + dataflash({"A": ("Qd", "TimeUS,Y")}, [("A", (k, 2.0)) for k in range(5)]))  # fmt: skip
+    messages, _ = parse(path)
+    assert messages["A"]["X"].tolist() == [1.0] * 9
+
+
 @given(st.data())
 @FUZZ
 def test_text_with_anything_in_it_is_a_log_or_one_clear_line(tmp_path, data):
