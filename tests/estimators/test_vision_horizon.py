@@ -118,7 +118,7 @@ def test_hills_with_a_foot_cost_nothing() -> None:
         seen = front_end.see(np.clip(np.rint(picture), 0, 255).astype(np.uint8))
         assert seen is not None
         assert math.degrees(abs(seen.roll - roll)) < 0.05
-        assert math.degrees(abs(seen.pitch - pitch)) < 0.1  # what was blurred before the hills were painted shines through
+        assert math.degrees(abs(seen.pitch - pitch)) < 0.1  # the sky blurred into the ground before shines through
         assert math.degrees(seen.std_pitch) < 0.05
 
 

@@ -86,7 +86,7 @@ def test_real_pictures(capsys) -> None:
     """82 frames of a fixed-wing aircraft, the line drawn by hand: slope and offset of the picture's height."""
     folder = DATA / "horizon_uav"
     if not folder.is_dir():
-        pytest.skip(f"no pictures of real horizons: {folder} is missing (HELIDECK_DATA names the folder of measured data)")
+        pytest.skip(f"no pictures of real horizons: {folder} is missing (HELIDECK_DATA names its parent)")
     with (folder / "label.csv").open() as file:
         labels = {row["filename"]: float(row["slope"]) for row in csv.DictReader(file)}
     code, answers = see(capsys, *(str(folder / "images" / name) for name in labels), "--fx", "480")
