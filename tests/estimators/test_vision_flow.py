@@ -153,16 +153,16 @@ def test_under_way_key_frames_follow_one_another_without_a_gap(ground: Image) ->
 
 
 def test_a_shadow_that_moves_along_loses_the_vote(ground: Image) -> None:
-    """A quarter of the picture goes with the vehicle; the ground moves 6 px."""
+    """A quarter of the picture goes with the vehicle; the ground moves 2 px, so that both are found."""
     eye = KeyFrameFlowEye(CAMERA)
-    for k, x in enumerate((0.0, 0.01)):
+    for k, x in enumerate((0.0, 0.004)):
         picture = view(ground, np.array([x, 0.0, 0.9]), quaternion(0.0, 0.0, 0.0)).astype(float)
         gauze = cv2.GaussianBlur(np.random.default_rng(9).standard_normal((124, 192)), (0, 0), 2.0)
         picture[:124, :192] = 70.0 + 60.0 * gauze / gauze.std() * 0.4
         s = eye.see(Frame(0.04 * k, 0.04 * k, "down", np.clip(picture, 0, 255).astype(np.uint8)))
     assert s is not None
     assert 0.5 < s.quality < 0.85
-    np.testing.assert_allclose([s.u, s.v], [-0.01 / 0.9, 0.0], atol=0.15 / CAMERA.fx)
+    np.testing.assert_allclose([s.u, s.v], [-0.004 / 0.9, 0.0], atol=0.15 / CAMERA.fx)
 
 
 def test_where_there_is_nothing_to_match_it_says_so_and_goes_on(ground: Image) -> None:

@@ -54,6 +54,18 @@ def test_errors_are_as_large_as_declared(bench, truth):
     assert np.std(steps) == pytest.approx(math.sqrt(2.0 * 0.1**2 + slow), rel=0.03)
 
 
+def test_what_a_key_frame_has_wrong_stays_until_the_next(bench, truth):
+    sensor = bench.build("flow", **{**QUIET, "key_noise": 0.5})
+    still = truth(position=(0.0, 0.0, 1.0))
+    values = []
+    for k in range(50):
+        still.t = 0.04 * k
+        sample = sensor.sample(still)
+        values += [] if sample is None else [sample.u]
+    assert np.ptp(values) < 1e-12
+    assert abs(values[0]) > 1e-6
+
+
 def test_on_the_ground_upside_down_or_too_high_there_is_nothing(bench, truth):
     for given in ({"position": (0.0, 0.0, 0.2)}, {"roll": 2.0}, {"position": (0.0, 0.0, 500.0)}):
         sensor = bench.build("flow", **QUIET)
