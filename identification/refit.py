@@ -35,6 +35,7 @@ class Refit:
     cost: float  # half the residual's square, nuisances free within their priors
     covariance: Floats  # (P, P) of the causes' parameters in the order of `values`
     at: Mapping[str, float]  # where the model was last linearised: absolute, by key, what is not nominal
+    step: Mapping[str, float]  # from there to the best values, by key
     stack: Stack  # there
 
 
@@ -120,6 +121,7 @@ def refit(
         cost=solved.cost,
         covariance=solved.covariance[np.ix_(chosen, chosen)],
         at=where,
+        step=solved.step,
         stack=s,
     )
 

@@ -1,0 +1,127 @@
+"""From logs to the verdict, for every kind of vehicle."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+
+import numpy as np
+
+from flightlog.errors import UserError
+from flightlog.tables import Table
+from identification.bench import Bench
+from identification.classes import confusable, rivals, shares
+from identification.null import THRESHOLD
+from identification.regions import lost
+from identification.search import Names, Search
+from identification.verdict import (
+    Asserted,
+    BaselineReport,
+    Candidate,
+    Fitted,
+    NotTestable,
+    Number,
+    Verdict,
+)
+from sim.vehicle import Vehicle
+
+BENCHES: Mapping[str, str] = {
+    "helicopter": "identification.helicopter",
+    "multirotor": "identification.multirotor",
+    "rig": "identification.rig",
+}
+SURE = 0.5  # probability of a cause or its class from which on it is asserted
+
+Logs = Mapping[str, Mapping[str, Table]]
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """The verdict and all that it was taken from."""
+
+    verdict: Verdict
+    bench: Bench
+    search: Search
+    causes: Names  # in force together: of each class the most probable member
+
+
+def open_bench(logs: Logs, vehicle: Vehicle, like: Bench | None = None) -> Bench:
+    """Prepare flights for the vehicle's kind; UserError where the logs cannot carry a diagnosis."""
+    kind = str(vehicle.document["kind"])
+    if kind not in BENCHES:
+        raise UserError(f"{vehicle.path}: kind: found {kind!r}; {', '.join(BENCHES)} would be right")
+    bench: Bench = import_module(BENCHES[kind]).open_bench(logs, vehicle, like)
+    return bench
+
+
+def diagnose(logs: Logs, vehicle: Vehicle, *, threshold: float = THRESHOLD) -> Verdict:
+    """What the vehicle's model gets wrong on these flights, by name; see design section 6.
+
+    logs: measured tables by flight and topic. Raises UserError for a log that cannot carry a diagnosis.
+    """
+    return examine(logs, vehicle, threshold=threshold).verdict
+
+
+def examine(logs: Logs, vehicle: Vehicle, *, threshold: float = THRESHOLD) -> Diagnosis:
+    """`diagnose`, with all that the verdict was taken from."""
+    bench = open_bench(logs, vehicle)
+    search = Search(bench, threshold)
+    best: Names = search.run() if bench.baseline.certified else ()
+    causes = [_asserted(search, best, name) for name in best]
+    causes = sorted((c for c in causes if c.probability > SURE), key=lambda c: -c.probability)
+    verdict = Verdict(
+        vehicle=vehicle.name,
+        logs=list(bench.names),
+        baseline=BaselineReport(
+            bench.baseline.certified,
+            bench.baseline.reason,
+            {name: Number(value, unit) for name, (value, unit) in bench.baseline.noise.items()},
+            bench.baseline.environment,
+        ),
+        channels=[],
+        causes=causes,
+        candidates=_candidates(search, best),
+        unexplained=[],
+        not_testable=[NotTestable(name, list(needs)) for name, needs in sorted(bench.not_testable.items())],
+    )
+    return Diagnosis(verdict, bench, search, best)
+
+
+def _asserted(search: Search, best: Names, name: str) -> Asserted:
+    scores = rivals(search, best, name)
+    rest = tuple(n for n in best if n != name)
+    _, probability = shares(scores, search.gain(rest))
+    others = confusable(search, best, name)
+    cause = search.causes[name]
+    return Asserted(
+        name=name,
+        where=cause.where,
+        probability=min(1.0, sum(probability[member] for member in (name, *others))),
+        parameters=_parameters(search, best, name),
+        gain=None,
+        confusable_with=others,
+        split_by=next((cause.split_by[other] for other in others if other in cause.split_by), None),
+    )
+
+
+def _parameters(search: Search, best: Names, name: str) -> dict[str, Fitted]:
+    fit, bench = search.fit(best), search.bench
+    found = {}
+    for p in search.causes[name].parameters:
+        value, std = fit.values[p.key], fit.std[p.key]
+        ends = value - 1.96 * std, value + 1.96 * std
+        found[p.name] = Fitted(value, bench.nominal[p.key], std, ends, p.unit)
+    return found
+
+
+def _candidates(search: Search, best: Names) -> list[Candidate]:
+    """Every cause alone over none; where causes are asserted also why each lost."""
+    evidence = rivals(search, (), "")
+    _, probability = shares(evidence, 0.0)
+    ordered = sorted(evidence, key=lambda name: -evidence[name])
+    return [
+        Candidate(
+            name, float(np.round(evidence[name], 3)), probability[name],
+            None if not best or name in best else lost(search, best, name),
+        )
+        for name in ordered
+    ]  # fmt: skip

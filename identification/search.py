@@ -1,0 +1,104 @@
+"""The search for what is wrong: linear screening of every cause, refits of the best, sets grown and pruned.
+
+Screening ranks; only refits count. A set grows by the cause that gains most evidence on top of it, members are
+exchanged and dropped where that loses nothing, and it stops where nothing gains the threshold.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from identification.bench import Bench
+from identification.causes.contract import Cause
+from identification.competition import Competition, Score
+from identification.null import THRESHOLD
+from identification.refit import Refit, refit
+
+REFITTED = 4  # of the best of a screening
+WORTH = -2.0  # [nats] of linear evidence below which a cause is not refitted
+MOST = 3  # causes in a set
+
+Names = tuple[str, ...]
+
+
+@dataclass(eq=False)
+class Search:
+    """What was tried on one bench."""
+
+    bench: Bench
+    threshold: float = THRESHOLD
+    refits: dict[Names, Refit] = field(default_factory=dict)
+    screened: dict[Names, list[Score]] = field(default_factory=dict)
+
+    @property
+    def null(self) -> Refit:
+        """Nothing wrong: everything within its tolerance."""
+        return self.fit(())
+
+    @property
+    def causes(self) -> Mapping[str, Cause]:
+        """All that can be tested here."""
+        return {cause.name: cause for cause in self.bench.causes}
+
+    def fit(self, names: Sequence[str], start: Mapping[str, float] | None = None) -> Refit:
+        """This set at its best values; taken from before where it was fitted already."""
+        key = tuple(sorted(names))
+        if key not in self.refits:
+            chosen = [self.causes[name] for name in key]
+            base = {} if key == () else dict(self.null.at)
+            self.refits[key] = refit(self.bench, chosen, base | dict(start or {}))
+        return self.refits[key]
+
+    def gain(self, names: Sequence[str]) -> float:
+        """Log evidence of a set over none."""
+        return self.fit(names).log_evidence - self.null.log_evidence
+
+    def screen(self, names: Sequence[str] = ()) -> list[Score]:
+        """Every other cause on top of a set, linear about the set's best values, best first."""
+        key = tuple(sorted(names))
+        if key not in self.screened:
+            self.screened[key] = self.competition(key).singles()
+        return self.screened[key]
+
+    def competition(self, names: Sequence[str] = ()) -> Competition:
+        """All causes that are not in the set, about its best values."""
+        at = self.fit(names)
+        own = {p.key for name in names for p in self.causes[name].parameters}
+        free = dict(self.bench.tolerances) | {key: self.bench.spreads[key] for key in own}
+        others = [cause for cause in self.bench.causes if cause.name not in names]
+        shift = {key: value - self.bench.nominal[key] for key, value in at.at.items()}
+        return Competition(at.stack, free, others, self.bench.spreads, shift)
+
+    def run(self) -> Names:
+        """The set of causes that is asserted, none of which loses less than the threshold when left out."""
+        best: Names = ()
+        while len(best) < MOST:
+            grown = self._grow(best)
+            if grown is None:
+                break
+            best = self._prune(grown)
+        return best
+
+    def _grow(self, names: Names) -> Names | None:
+        tried: list[Names] = []
+        start = self.fit(names)
+        for score in self.screen(names)[:REFITTED]:
+            if score.log_evidence < WORTH:
+                break
+            larger = tuple(sorted((*names, *score.causes)))
+            values = {key: start.at.get(key, self.bench.nominal[key]) for key in score.mean}
+            moved = {key: self.bench.bounded(key, values[key] + step) for key, step in score.mean.items()}
+            self.fit(larger, dict(start.at) | moved)
+            tried.append(larger)
+        if not tried:
+            return None
+        best = max(tried, key=self.gain)
+        return best if self.gain(best) > self.gain(names) + self.threshold else None
+
+    def _prune(self, names: Names) -> Names:
+        """Leave out what is not needed any more."""
+        while len(names) > 1:
+            smaller = max((tuple(n for n in names if n != name) for name in names), key=self.gain)
+            if self.gain(names) > self.gain(smaller) + self.threshold:
+                break
+            names = smaller
+        return names
