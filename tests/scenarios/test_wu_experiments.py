@@ -9,7 +9,7 @@ import pytest
 from flightlog.camera import CameraModel, CameraMount
 from flightlog.marks import RingMark
 from flightlog.rotations import matrix, quaternion
-from scenarios.experiments import wu2019_calibration, wu2019_refuelling
+from scenarios.experiments import wu2019_calibration, wu2019_readings, wu2019_refuelling
 from scenarios.experiments.drawn_pad import DrawnPad
 from scenarios.experiments.refuelling_track import track
 from sim.cameras.imaging import CLEAN
@@ -76,6 +76,12 @@ def test_the_answers_come_together(short):
     assert len(wu2019_refuelling.jobs("quick")) == len(answers)
     assert all(figure.ours is not None and math.isfinite(figure.ours) for figure in outcome.figures)
     assert all(figure.reached is not False for figure in outcome.figures if figure.unit == "m")
+
+
+def test_level_by_assumption_is_many_times_worse_than_by_attitude():
+    level, exact = (wu2019_readings.hold(5.0, how, "corrected", 14.0) for how in (False, True))
+    assert np.abs(exact.errors).max() < 0.05
+    assert np.abs(level.errors[:, :2]).max() > 5.0 * np.abs(exact.errors[:, :2]).max()
 
 
 def test_chessboards_show_the_lens():
