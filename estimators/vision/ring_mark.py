@@ -31,10 +31,11 @@ APART = 5.0  # [px] edges nearer to one another run into one another
 NARROW = 4.0  # [px] search once the pose is close
 REACH_SHARE = 0.8  # of the way to the next edge of the same contrast that may be searched
 SHARPEST_REACH = 12.0  # [px] search on one level of the pyramid
+BLUR = 0.65  # [px] of a focused picture: the pixel itself, the lens, the way between pixels
 RAGGED = 0.9  # [px] RMS beyond which edges are not the mark's; chance edges give 1.7
 PAINT, RAGGED_NEAR = 2e-4, 1.3  # [mark sizes] no edge is painted straighter; [px] that much is believed, near by
 LEAST_CONTRAST = 8.0  # [grey levels]
-FOLLOWED, FOLLOWED_CUT, FOUND = 0.67, 0.5, 0.75  # share of the model's edge points that must agree
+FOLLOWED, FOLLOWED_CUT, FOUND = 0.55, 0.5, 0.75  # share of the model's edge points that must agree
 LEAST_POINTS = 60  # to be found
 PRIOR_WIDTH = 3.0  # a prediction holds a fit with this many times its standard deviation: loosely
 GATE = 5.0  # standard deviations between prediction and a followed mark
@@ -164,7 +165,9 @@ class RingFrontEnd:
             factor = 1
             while reach / factor > SHARPEST_REACH and factor < 8:
                 factor *= 2
-            samples = self._samples.clear(APART * factor / scale, reach / REACH_SHARE / scale, round_only=not turns)
+            samples = self._samples.clear(
+                APART * factor / scale, reach / REACH_SHARE / scale, blur=BLUR / scale, round_only=not turns
+            )
             if samples is None:
                 return None
             picture, camera = reduced(image, self.camera, factor)

@@ -28,30 +28,40 @@ class RingSamples:
     clearance: Floats  # (N,) [m] to the next edge
     room: Floats  # (N,) [m] to the next edge of the same contrast
     turns: NDArray[np.bool_]  # (N,) whether the edge moves when the mark turns about its centre
+    bend: Floats  # (N, 2) [1/m] the edge's curvature, towards its centre
 
     @classmethod
     def of(cls, mark: RingMark) -> "RingSamples":
         """All samples of a mark."""
-        parts, clearance, turns = [], [], []
+        parts: list[OutlineSamples] = []
+        clearance: list[float] = []
+        turns: list[bool] = []
+        bend: list[Floats] = []
         for x, y, radius, light, gap in mark.circles().tolist():
             for arc in _arcs(x, y, radius, light, max(1, math.ceil(2 * math.pi * radius / LONGEST_ARC / mark.size))):
                 parts.append(arc)
                 clearance.append(gap)
                 turns.append(math.hypot(x, y) > 0.0)
+                bend.append(-light * arc.normals / radius)
         for corners in mark.bars():
             side = OutlineSamples.of(corners, PER_EDGE)
             parts += [side.take(side.edge == k) for k in range(len(corners))]
             clearance += [mark.bar_width] * len(corners)
             turns += [True] * len(corners)
+            bend += [np.zeros((PER_EDGE, 2))] * len(corners)
         room = mark.size * np.where(np.array(clearance) >= COARSE * mark.size, WIDE, NARROW)
         return cls(
-            _joined(parts), np.repeat(clearance, PER_EDGE), np.repeat(room, PER_EDGE), np.repeat(turns, PER_EDGE)
-        )
+            _joined(parts), np.repeat(clearance, PER_EDGE), np.repeat(room, PER_EDGE), np.repeat(turns, PER_EDGE),
+            np.vstack(bend),
+        )  # fmt: skip
 
-    def clear(self, apart: float, reach: float, *, round_only: bool = False) -> OutlineSamples | None:
+    def clear(
+        self, apart: float, reach: float, *, blur: float = 0.0, round_only: bool = False
+    ) -> OutlineSamples | None:
         """Samples `apart` [m] from other edges, with room to be searched for within `reach` [m]; None: there are none.
 
-        round_only: of those only what the mark's turn leaves alone.
+        blur [m]: standard deviation of the picture's blur, which moves a round edge, light or dark inside, towards its
+        centre by blur^2 / (2 radius): there the points are. round_only: of those only what the mark's turn leaves alone.
         """
         keep = (self.clearance >= apart) & (self.room >= reach)
         if round_only:
@@ -60,7 +70,8 @@ class RingSamples:
             return None
         kept = self.samples.take(keep)
         _, edge = np.unique(kept.edge, return_inverse=True)
-        return replace(kept, edge=edge.astype(np.intp))
+        points = kept.points + 0.5 * blur**2 * self.bend[keep]
+        return replace(kept, points=points, edge=edge.astype(np.intp))
 
 
 @cache

@@ -10,6 +10,7 @@ EXPERIMENTS: tuple[str, ...] = (  # modules of this package in the order of the 
     "lei2012_stairs",
     "wu2019_calibration",
     "wu2019_readings",
+    "wu2019_landing",
     "wu2019_refuelling",
     "zeng_hover",
     "huang_sequences",

@@ -240,3 +240,19 @@ def test_a_hover_holds_its_point_and_ends_in_time() -> None:
     assert hover.finished
     assert hover.events == [(0.0, "hover")]
     assert math.isinf(Hover()._duration)
+
+
+def test_a_descent_pauses_at_its_steps_and_does_not_take_them_for_the_ground() -> None:
+    script = Script(steps=(2.0, 5.0, 1.0), step_time=3.0, hover_time=0.1, check_time=0.1)
+    script.show(1.0)
+    assert script.landing.phase is Phase.DESCEND
+    assert script.show(height=8.0).height == 5.0
+    assert script.show(2.9, height=5.0).height == 5.0
+    assert script.show(0.2, height=5.0).height == 2.0
+    assert script.show(2.9, height=2.0).height == 2.0
+    assert script.show(0.2, height=2.0).height == 1.0
+    assert script.show(2.9, height=1.0).height == 1.0  # longer than what counts as stuck
+    assert script.landing.phase is Phase.FLARE
+    assert script.show(0.2, height=1.0).height == -math.inf
+    steps = [what for _, what in script.landing.events if what.startswith("step")]
+    assert steps == ["step at 5 m", "step at 2 m", "step at 1 m"]

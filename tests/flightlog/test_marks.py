@@ -99,3 +99,17 @@ def test_shapes_lie_on_the_marks_square(mark):
 def test_an_impossible_ring_is_refused(size):
     with pytest.raises(ValueError, match="ring"):
         RingMark(size)
+
+
+def test_round_edges_know_their_distance_to_the_next():
+    mark = RingMark(2.0)
+    circles = mark.circles()
+    assert len(circles) == 8 + len(mark.holes())
+    by_radius = {round(r / 2.0, 4): gap / 2.0 for x, y, r, _, gap in circles if x == y == 0.0}
+    assert by_radius[0.5] == pytest.approx(0.12)
+    assert by_radius[0.29] == pytest.approx(0.08)
+    assert by_radius[0.018] == pytest.approx(0.018)
+    holes = circles[np.hypot(circles[:, 0], circles[:, 1]) > 0.0]
+    # to the next hole, the grid's rim or the well
+    assert holes[:, 4].min() / 2.0 == pytest.approx(0.15 - 0.013 - 0.04 * np.hypot(3, 1), abs=1e-9)
+    assert set(circles[:, 3]) == {-1.0, 1.0}

@@ -266,3 +266,37 @@ def test_a_notch_beyond_the_sampling_lets_everything_through() -> None:
     coefficients, memory = np.zeros(5), np.zeros(2)
     notch.design(coefficients, 2 * math.pi * 124.0, DT)
     assert [notch.step(coefficients, memory, v) for v in (1.0, -2.0, 3.0)] == [1.0, -2.0, 3.0]
+
+
+def _heading_error_deg(equipment: Equipment, std: float, until: float) -> float:
+    """What is left of a first error of 2 deg, a gyroscope 0.1 deg/s wrong, with a mark's axis seen 25 times a second."""
+    q = quaternion(0.0, 0.0, math.radians(40.0))
+    filter_ = AttitudeFilter(equipment)
+    c, s = math.cos(math.radians(2.0)), math.sin(math.radians(2.0))
+    field = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ equipment.magnetic_field  # the magnetometer's own
+    start = align(filter_, q, field)
+    r, rng = matrix(q), np.random.default_rng(0)
+    for k in range(1, round(until / DT)):
+        t = start + k * DT
+        feed(filter_, t, r.T @ UP, np.array([0.0, 0.0, math.radians(0.1)]), aid=1.0)
+        if k % 5 == 0:
+            correct_azimuth(filter_.memory, t, *(r.T @ field))
+        if k % 10 == 0:
+            correct_axis(filter_.memory, t - 0.06, -math.radians(40.0) + rng.normal(0.0, std), std)
+    return float(abs(errors_deg(filter_, q)[2]))
+
+
+def test_a_clear_axis_is_followed_by_itself(equipment: Equipment) -> None:
+    assert _heading_error_deg(equipment, math.radians(0.02), 4.0) < 0.1
+    assert _heading_error_deg(equipment, math.radians(0.02), 15.0) < 0.02
+
+
+def test_an_axis_no_better_than_the_field_is_not_followed_by_itself(equipment: Equipment) -> None:
+    filter_ = AttitudeFilter(equipment)
+    q = quaternion(0.0, 0.0, math.radians(40.0))
+    t = align(filter_, q, equipment.magnetic_field)
+    correct_axis(filter_.memory, t, -math.radians(43.0), math.radians(1.0))
+    assert filter_.memory["axis_time"][0] == -math.inf
+    correct_axis(filter_.memory, t, -math.radians(43.0), math.radians(0.05))
+    assert filter_.memory["axis_time"][0] == t
+    assert math.degrees(filter_.memory["axis_error"][0]) == pytest.approx(3.0)

@@ -139,3 +139,31 @@ def test_a_false_mark_does_not_take_it_away_and_the_true_one_comes_back(filter_:
     assert np.abs(filter_.kalman.last["x"][:2]).max() < 0.1
     rails.sees = True
     assert np.abs(rails.run(8.0)[:2]).max() < 0.1
+
+
+def test_a_tilt_that_perspective_shows_leaves_the_position_what_the_picture_knows(filter_: PositionFilter) -> None:
+    """In closed form: p + h d is seen to 1 mm and d to 0.5 mrad, nothing else is known."""
+    h, seen, shown, prior = 8.0, 1e-3, 5e-4, filter_.noise.tilt_start
+    filter_.kalman.advance(DT, np.zeros(5))
+    assert filter_.vision(DT, 0.3 + h * 0.01, -0.2 - h * 0.02, seen**2, 0.0, seen**2, h)
+    assert filter_.tilt(DT, 0.01, -0.02, shown**2, 0.0, shown**2)
+    filter_.kalman.refresh()
+    x, p = filter_.kalman.last["x"], filter_.kalman.last["p"]
+    variance = 1.0 / (1.0 / prior**2 + 1.0 / shown**2)
+    np.testing.assert_allclose(np.diag(p)[[position.D_E, position.D_N]], variance, rtol=1e-3)
+    np.testing.assert_allclose(np.diag(p)[:2], seen**2 + h**2 * variance, rtol=1e-2)
+    share = variance / shown**2
+    np.testing.assert_allclose(x[[position.D_E, position.D_N]], [0.01 * share, -0.02 * share], rtol=1e-3)
+    np.testing.assert_allclose(x[:2], [0.3 + h * 0.01 * (1 - share), -0.2 - h * 0.02 * (1 - share)], atol=1e-3)
+
+
+def test_a_tilt_shown_better_one_way_corrects_that_way_alone(filter_: PositionFilter) -> None:
+    c, s = math.cos(0.7), math.sin(0.7)
+    sure, open_ = 1e-4**2, 1.0
+    c_ee, c_en, c_nn = c * c * sure + s * s * open_, c * s * (sure - open_), s * s * sure + c * c * open_
+    filter_.kalman.advance(DT, np.zeros(5))
+    assert filter_.tilt(DT, 0.005 * c, 0.005 * s, c_ee, c_en, c_nn)
+    filter_.kalman.refresh()
+    p = filter_.kalman.last["p"][position.D_E : position.D_N + 1, position.D_E : position.D_N + 1]
+    assert np.array([c, s]) @ p @ [c, s] == pytest.approx(sure, rel=1e-2)
+    assert np.array([-s, c]) @ p @ [-s, c] == pytest.approx(filter_.noise.tilt_start**2, rel=1e-2)
