@@ -32,7 +32,7 @@ ABOUT = (
 SETTLED = 2.0  # [s] after the start; from then on it counts
 EVERY = 25  # steps: 10 Hz
 JUDGED = 5.0  # [s] between two looks at the normalised error
-FLOWN = {"full": (120.0, 16), "quick": (20.0, 4)}  # [s] of a flight; flights on the error model
+FLOWN = {"full": (120.0, 12), "quick": (20.0, 4)}  # [s] of a flight; flights on the error model
 AT_A_TIME = 4  # of those, in one process
 SEED = 1
 STATES = 4  # e, n, ve, vn
@@ -175,10 +175,10 @@ def conclude(effort: Effort, answers: Sequence[Any]) -> Outcome:
                float(lost.max()), 0.05),
         Figure(f"RMS error of the estimated velocity, worst of {many} flights", "m/s", None, None, float(slow.max()),
                0.01),
-        Figure(f"error of the position by inertial sensors alone after {duration:g} s", "m", None,
-               float(np.hypot(*theirs.inertial_position[-1])), None, note="the paper: diverges"),
-        Figure(f"error of the velocity by inertial sensors alone after {duration:g} s", "m/s", None,
-               float(np.hypot(*theirs.inertial_velocity[-1])), None, note="the paper: diverges"),
+        Figure("largest error of the position by inertial sensors alone", "m", None,
+               float(np.hypot(*theirs.inertial_position.T).max()), None, note="the paper: diverges"),
+        Figure("largest error of the velocity by inertial sensors alone", "m/s", None,
+               float(np.hypot(*theirs.inertial_velocity.T).max()), None, note="the paper: diverges"),
     ]  # fmt: skip
     nees = np.concatenate([course.nees for course in blind]) if blind else np.empty(0)
     notes = [
@@ -193,7 +193,8 @@ def conclude(effort: Effort, answers: Sequence[Any]) -> Outcome:
         low, high = (float(chi2.ppf(p, STATES * many)) / many for p in (0.0005, 0.9995))
         notes.append(
             f"Normalised error squared of e, n, ve, vn over {many} flights: {means.mean():.2f}; 99.9 % band of "
-            f"{STATES} degrees of freedom {low:.2f} to {high:.2f}."
+            f"{STATES} degrees of freedom {low:.2f} to {high:.2f}. Below it the filter is more careful than it need be: "
+            "it allows for motion and vibration that a calm hover does not have."
         )
     plots = [
         Plot(
