@@ -79,8 +79,11 @@ class RingFrontEnd:
             painted |= [cv2.pointPolygonTest(flat, (float(x), float(y)), False) >= 0 for x, y in grid]
         self._inside = grid[painted]
         turn = np.linspace(0.0, 2.0 * math.pi, 49)
-        rim = mark.size / 2 * np.column_stack([np.sin(turn), np.cos(turn)])
-        self._outline = np.vstack([mark.guide_outlines()[-1][2:].mean(axis=0), rim])
+        rim = np.column_stack([np.sin(turn), np.cos(turn)])
+        # one stroke: from the guide line's end along the axis and around every ring on the way
+        self._outline = np.vstack(
+            [mark.guide_outlines()[-1][2:].mean(axis=0), *(outer * rim for _, outer in mark.rings)]
+        )
 
     def see(self, image: Image, attitude: Floats, prediction: PadPrediction | None = None) -> PadSighting | None:
         """The mark in a picture (H, W) uint8, or (H, W, 3) RGB which is made grey; or None.

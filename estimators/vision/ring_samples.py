@@ -61,7 +61,7 @@ class RingSamples:
         """Samples `apart` [m] from other edges, with room to be searched for within `reach` [m]; None: there are none.
 
         blur [m]: standard deviation of the picture's blur, which moves a round edge, light or dark inside, towards its
-        centre by blur^2 / (2 radius): there the points are. round_only: of those only what the mark's turn leaves alone.
+        centre by blur^2 / (2 radius): there the points are. round_only: of those only what the mark's turn leaves be.
         """
         keep = (self.clearance >= apart) & (self.room >= reach)
         if round_only:

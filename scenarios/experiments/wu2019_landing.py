@@ -29,7 +29,7 @@ from scenarios.schema import Scenario
 from sim import vehicle as vehicles
 from sim.world import World
 
-NAME = "wu2019-landing"
+NAME = "landing"
 SYSTEM = "wu2019"
 TITLE = "Stepwise descent to the ring landmark on a deck"
 ABOUT = (
@@ -230,7 +230,9 @@ def conclude(effort: Effort, answers: Sequence[Any]) -> Outcome:
     figures = [
         Figure(f"{axis} error, largest from {top:g} m to the deck", "m", 0.1, worst(theirs, k, False),
                worst(ours, k, False), expected=(0.05, 0.15), note=note)
-        for k, (axis, note) in enumerate([("X", "east"), ("Y", "north"), ("Z", "height; the paper: fluctuation at large steps, heights not given")])
+        for k, (axis, note) in enumerate(
+            [("X", "east"), ("Y", "north"), ("Z", "the paper: fluctuation at large steps, from heights not given")]
+        )
     ]  # fmt: skip
     figures.append(
         Figure(f"heading error, largest from {top:g} m to the deck", "deg", 1.0, turned(theirs, False),
@@ -282,7 +284,7 @@ def conclude(effort: Effort, answers: Sequence[Any]) -> Outcome:
     if shown:
         half = [cv2.resize(p, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for p in shown[:4]]
         joined = np.asarray(np.hstack(half), np.uint8)
-        pictures.append(Picture("What the down camera sees", "The outermost ring and the axis as fitted.", joined))
+        pictures.append(Picture("What the down camera sees", "The rings and the axis as fitted.", joined))
     notes = [
         "Pictures 768 x 494 at 25 Hz, 60 ms late, read noise 1.2 and shot noise 2.2 grey levels, 2 ms exposure, 0.4 px "
         "of defocus; inertial unit, magnetometer and GPS as in the vehicle file; 3 m/s of wind with Dryden turbulence.",

@@ -269,7 +269,7 @@ def test_a_notch_beyond_the_sampling_lets_everything_through() -> None:
 
 
 def _heading_error_deg(equipment: Equipment, std: float, until: float) -> float:
-    """What is left of a first error of 2 deg, a gyroscope 0.1 deg/s wrong, with a mark's axis seen 25 times a second."""
+    """What is left of 2 deg at first, the gyroscope wrong by 0.1 deg/s, a mark's axis seen 25 times a second."""
     q = quaternion(0.0, 0.0, math.radians(40.0))
     filter_ = AttitudeFilter(equipment)
     c, s = math.cos(math.radians(2.0)), math.sin(math.radians(2.0))
