@@ -1,4 +1,5 @@
-"""The front ends on rendered pictures: errors against truth, what the covariance says, and time a picture.
+"""The front ends on rendered pictures: errors against truth, what the covariance says, time a picture; and beside
+ArUco and AprilTag (`rivals.py`).
 
 python benchmarks/vision.py [pictures at each height, default 20]
 """
@@ -9,6 +10,7 @@ import time
 
 import cv2
 import numpy as np
+import rivals
 
 import assets
 from estimators.vision.h_mark import HMarkFrontEnd
@@ -115,3 +117,5 @@ if __name__ == "__main__":
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     pad(count)
     horizon(count)
+    print()
+    rivals.main(count)
