@@ -9,12 +9,14 @@ from functools import cache
 import cv2
 import numpy as np
 
+from estimators.vision.flow import KeyFrameFlowEye
 from estimators.vision.h_mark import HMarkFrontEnd
 from estimators.vision.horizon import HorizonFrontEnd
 from estimators.vision.sighting import PadPrediction
 from flightlog.equipment import Equipment
 from flightlog.marks import HMark
 from flightlog.rotations import quaternion
+from flightlog.signals import Frame
 from scenarios.crew import make_navigator, make_pilot
 from scenarios.schema import Scenario
 from scenarios.staging import make_equipment, make_world
@@ -45,7 +47,7 @@ def rehearse(*, sees: bool) -> None:
 
 
 def _look(equipment: Equipment) -> None:
-    """Find a drawn mark, then follow it; find a drawn horizon."""
+    """Find a drawn mark, then follow it; find a drawn horizon; see the ground stand still."""
     camera = equipment.cameras["down"]
     mark = HMark()
     front_end = HMarkFrontEnd(camera.model, camera.mount, mark)
@@ -63,3 +65,7 @@ def _look(equipment: Equipment) -> None:
     land = np.full((ahead.model.height, ahead.model.width, 3), 200, np.uint8)
     land[ahead.model.height // 2 :] = 60
     HorizonFrontEnd(ahead.model, ahead.mount).see(land)
+    down = KeyFrameFlowEye(camera.model)
+    ground = np.random.default_rng(0).integers(60, 180, image.shape, np.uint8)
+    for k in range(2):
+        down.see(Frame(0.04 * k, 0.04 * k, "down", ground))
