@@ -6,6 +6,7 @@ Field names are those of the firmware's message files from version 1.8 on; where
 import contextlib
 import io
 import re
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -64,6 +65,23 @@ class _Dataset:
         return [self[f"{name}[{i}]"] for i in range(size)] if all(f"{name}[{i}]" in self for i in range(size)) else None
 
 
+class _Bounded(io.BytesIO):
+    """A file that notices when its reader goes round in circles, as the parser does at some broken messages."""
+
+    MOST = 16  # returns to one place
+
+    def __init__(self, data: bytes) -> None:
+        super().__init__(data)
+        self._visits: Counter[int] = Counter()
+
+    def seek(self, offset: int, whence: int = 0, /) -> int:
+        place = super().seek(offset, whence)
+        self._visits[place] += 1
+        if self._visits[place] > self.MOST:
+            raise EOFError(f"no message can be read beyond byte {place}")
+        return place
+
+
 class _Source:
     """All messages by name and instance."""
 
@@ -98,16 +116,16 @@ def _parse(path: Path, draft: Draft) -> tuple[list[Any], dict[str, Any]]:
     from pyulog import ULog
 
     try:
-        definitions = path.read_bytes()
+        data = path.read_bytes()
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from None
-    if huge := _HUGE.search(definitions):
+    if huge := _HUGE.search(data):
         found = f"byte {huge.start()} declares an array of {huge[0].decode()} elements"
         raise UserError(f"{path}: not a sound ULog: {found}")
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said), np.errstate(all="ignore"):
-            log = ULog(str(path), None, True)
+            log = ULog(_Bounded(data), None, True)
     except MemoryError:
         raise
     except Exception as error:  # whatever a broken file makes of the parser, the file is the reason

@@ -202,6 +202,17 @@ def test_the_parser_says_nothing_on_stdout(flight, capfd):
     assert capfd.readouterr().out == ""
 
 
+def test_a_message_that_claims_more_than_there_is_does_not_hold_the_reader_up(flight):
+    """An unknown type, longer than the rest of the file, among the definitions: the parser would go round for ever."""
+    folder, _ = flight
+    whole = (folder / "flight.ulg").read_bytes()
+    path = folder / "round.ulg"
+    definitions = whole[: whole.index(b"\x12\0A\0\0\0sensor_combined")]
+    path.write_bytes(definitions + (500).to_bytes(2, "little") + b"\0" + bytes(10))
+    with pytest.raises(UserError, match=r"round\.ulg"):
+        read_log(path)
+
+
 def test_an_array_without_end_is_refused_before_it_is_built(tmp_path):
     path = tmp_path / "huge.ulg"
     body = b"huge:uint64_t timestamp;float[900000000] x;"
