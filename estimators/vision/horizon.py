@@ -23,7 +23,9 @@ LARGEST = 1280  # [px] longer side; larger pictures are reduced
 SEARCH_SIZE = 320  # [px] longer side of the picture that is searched, at most
 REACH = 4.0  # [px] of the search picture: along the normals
 LEAST_SUPPORT = 0.4  # share of the columns that end their sky at the line: at a straight edge
-ROUGH_SUPPORT = 0.6  # at a rough one
+# at a rough one, more where the sky has grain, less where it stands out from the ground
+ROUGH_SUPPORT, FOR_GRAIN, FOR_CONTRAST = 0.8, 0.1, 0.1
+MOST_GRAIN, MOST_CONTRAST = 2.0, 4.0
 LEAST_STEP = 4.0  # [grey levels] of colour across it
 
 
@@ -76,7 +78,11 @@ class HorizonFrontEnd:
         fit = refit(_across(work, line.step), self._work, up, REACH * scale)
         if fit is not None:
             return self._sighting(fit, 1.0)
-        fit = rough(self._points(line), self._small, up) if line.support >= ROUGH_SUPPORT else None
+        # roads, edges of fields and clouds are lines too, but what lies above them is no smoother and little brighter
+        wanted = ROUGH_SUPPORT + FOR_GRAIN * min(line.grain, MOST_GRAIN)
+        if line.support < wanted - FOR_CONTRAST * float(np.clip(line.apart, 0.0, MOST_CONTRAST)):
+            return None
+        fit = rough(self._points(line), self._small, up)
         return None if fit is None else self._sighting(fit, scale)
 
     def _up(self, line: Line) -> Floats:

@@ -166,8 +166,9 @@ def _judged(
     memory = float(np.clip(np.sum(kept[1:] * kept[:-1]) / max(np.sum(kept**2), 1e-12), 0.0, 0.98))
     noise = max(NOISE_FLOOR, residual) * math.sqrt((1.0 + memory) / (1.0 - memory))
     covariance = noise**2 * np.asarray(np.linalg.inv(jacobian[used].T @ jacobian[used]), float)
-    # hills stand only above the horizon: a ragged line is also displaced, and tilted, by about its raggedness
-    covariance += np.diag([residual / camera.fy, residual / (0.5 * camera.width)]) ** 2
+    # terrain moves and tilts a line by about its raggedness, and by more where much of the skyline is not on the line
+    doubt = residual / share**2
+    covariance += np.diag([doubt / camera.fy, doubt / (0.5 * camera.width)]) ** 2
     return HorizonFit(up, basis, np.asarray(covariance), residual, scale, share)
 
 

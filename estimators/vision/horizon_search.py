@@ -13,7 +13,7 @@ does not bend it.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numba
@@ -35,6 +35,7 @@ LEAST_PIECE = 4  # [px] of a column, above and below
 QUIET = 2.0  # [grey levels] spread that no piece is below
 MOST_LOSS = 120.0  # [nats] of one column of three colours
 NEAR = 4.0  # [px] a column whose own best place is so near supports the line
+BESIDE = 0.25  # of the longer side: the regions on either side of a line that are compared
 QUARTER = 0.25  # of the width: Huang's shortest horizon
 # turns about the line so far: most, step, what a turn by the most costs (share of the most loss)
 ROUNDS = ((math.radians(6.0), math.radians(0.75), 0.08), (math.radians(5.0), math.radians(0.5), 0.08))
@@ -50,6 +51,8 @@ class Line:
     along: Floats  # (N,) [px] places along the line of those columns, from its foot
     beside: Floats  # (N,) [px] how far below the line each of them has its own best place
     step: Floats  # (C,) colour above less colour below
+    grain: float = 0.0  # texture above the line over texture below
+    apart: float = 0.0  # difference of the regions' means above and below, over their spread
 
 
 class HorizonSearch:
@@ -84,7 +87,24 @@ class HorizonSearch:
                 return None
             line = self._end_of_sky(smooth, *found, np.arange(-most, most + 1e-9, step), price)
             found = None if line is None else (line.angle, line.offset)
-        return line
+        return None if line is None else self._judged(picture, line)
+
+    def _judged(self, picture: Image, line: Line) -> Line:
+        """The line with what tells a sky from a field: its grain, and how far it differs from the ground."""
+        colours = picture.reshape(self.height, self.width, -1)
+        y, x = np.ogrid[0 : self.height, 0 : self.width]
+        below = (y - (self.height - 1) / 2) * math.cos(line.angle) + (x - (self.width - 1) / 2) * math.sin(line.angle)
+        below = below - line.offset
+        near = np.abs(below) < BESIDE * max(self.width, self.height)
+        sky, ground = near & (below < 0.0), near & (below > 0.0)
+        size = float(np.linalg.norm(line.step))
+        if size <= 0.0 or not sky.any() or not ground.any():
+            return line
+        texture = np.abs(cv2.Laplacian(picture, cv2.CV_16S)).reshape(colours.shape)[..., 0]
+        grain = float(texture[below < 0.0].mean()) / max(float(texture[below > 0.0].mean()), 0.1)
+        a, b = (colours[part] @ (line.step / size) for part in (sky, ground))
+        spread = math.sqrt(0.5 * float(a.var() + b.var()) + 9.0)
+        return replace(line, grain=grain, apart=float(a.mean() - b.mean()) / spread)
 
     def _regions(self, picture: Image) -> tuple[float, float]:
         """Angle [rad] and offset [px] of the likeliest line."""
