@@ -203,13 +203,13 @@ def test_the_parser_says_nothing_on_stdout(flight, capfd):
 
 
 def test_a_message_that_claims_more_than_there_is_does_not_hold_the_reader_up(flight):
-    """An unknown type, longer than the rest of the file, among the definitions: the parser would go round for ever."""
+    """Of no type, a byte longer than the rest of the file, among the definitions: the parser would go round for ever."""
     folder, _ = flight
     whole = (folder / "flight.ulg").read_bytes()
     path = folder / "round.ulg"
     definitions = whole[: whole.index(b"\x12\0A\0\0\0sensor_combined")]
-    path.write_bytes(definitions + (500).to_bytes(2, "little") + b"\0" + bytes(10))
-    with pytest.raises(UserError, match=r"round\.ulg"):
+    path.write_bytes(definitions + (11).to_bytes(2, "little") + b"\0" + bytes(10))
+    with pytest.raises(UserError, match=r"round\.ulg: not a sound ULog: no message can be read beyond byte"):
         read_log(path)
 
 
