@@ -29,7 +29,7 @@ from scenarios.schema import Scenario
 from sim import vehicle as vehicles
 from sim.world import World
 
-NAME = "landing"
+NAME = "deck"
 SYSTEM = "wu2019"
 TITLE = "Stepwise descent to the ring landmark on a deck"
 ABOUT = (
