@@ -52,6 +52,7 @@ class PositionNoise:
     """What the filter assumes; standard deviations."""
 
     acceleration: float = 0.03  # [m/s^2/sqrt(Hz)] white
+    calm_acceleration: float = 0.005  # [m/s^2/sqrt(Hz)] the same in flight by flow, low and slow
     tilt_start: float = 0.012  # [rad] after alignment
     tilt_walk: float = 0.0015  # [rad/sqrt(s)] unknown bias of the gyroscopes, scale errors in turns
     accelerometer: float = 0.06  # [m/s^2] bias, and misalignment times gravity
@@ -76,6 +77,7 @@ class PositionNoise:
             walk = math.hypot(imu["gyro_bias_std"], imu["gyro_drift_std"]) * math.sqrt(3.0)
             given |= {
                 "acceleration": math.hypot(imu["accel_noise"], 0.01),
+                "calm_acceleration": math.hypot(imu["accel_noise"], 0.003),
                 "accelerometer": bias,
                 "tilt_walk": math.hypot(walk, imu["gyro_noise"]),
                 "tilt_jitter": math.hypot(5e-5, imu["gyro_noise"]),
@@ -117,6 +119,7 @@ def model(noise: PositionNoise, *, flow: bool = False, integral: float = 0.0) ->
             dynamics[D_E + axis, B_E + axis] = 1.0
             inputs[B_E + axis, 3 + axis] = integral
             driven[D_E + axis, D_E + axis] = noise.tilt_jitter**2
+            driven[VE + axis, VE + axis] = noise.calm_acceleration**2
             density[B_E + axis, B_E + axis] = 2.0 * noise.gyro_drift**2 / noise.gyro_drift_tau
     components = [
         Component(TOPIC_GPS, patience=10, jump=G_E),
