@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from flightlog.errors import UserError as UserError
     from flightlog.readers.folder import read_flight as read_flight
+    from flightlog.readers.recognise import read_log as read_log
     from flightlog.signals import Controls as Controls
     from flightlog.signals import StateEstimate as StateEstimate
     from scenarios.crew import make_navigator as make_navigator
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 _WHERE = {
     "UserError": "flightlog.errors",
     "read_flight": "flightlog.readers.folder",
+    "read_log": "flightlog.readers.recognise",
     "Controls": "flightlog.signals",
     "StateEstimate": "flightlog.signals",
     "make_navigator": "scenarios.crew",
