@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightlog.equipment import Equipment
+from flightlog.errors import UserError
 from flightlog.signals import (
     BaroSample,
     FlowSample,
@@ -106,9 +107,10 @@ def _frames(table: Table, folder: Path, rank: int) -> Iterator[Sent]:
     t, late = table["t"].astype(float), table["t_arrival"].astype(float)
     late = np.where(np.isfinite(late), late, t)
     for row in np.lexsort((t, late)).tolist():
-        picture = cv2.imread(str(folder / str(table["file"][row])), cv2.IMREAD_UNCHANGED)
+        file = folder / str(table["file"][row])
+        picture = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
         if picture is None:
-            continue
+            raise UserError(f"{file}: no picture that can be read; the topic frames names it")
         image = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
         frame = Frame(float(t[row]), float(late[row]), str(table["camera"][row]), image.astype(np.uint8, copy=False))
         yield float(late[row]), float(t[row]), rank, row, frame
