@@ -98,4 +98,4 @@ def _draw(
     grass = cv2.GaussianBlur(rng.standard_normal((camera.height, camera.width)), (0, 0), 2)
     above = np.array([150.0, 185.0, 225.0]) + (20.0 * np.clip(cloud / cloud.std(), 0, 2))[:, :, None]
     below = np.array([70.0, 95.0, 60.0]) + (12.0 * grass / grass.std())[:, :, None]
-    return np.clip(np.rint(below + share * (above - below)), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(np.rint(below + share * (above - below)), 0, 255), np.uint8)

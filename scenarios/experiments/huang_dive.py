@@ -65,10 +65,10 @@ def jobs(effort: Effort) -> Sequence[Job]:
     rolled = [Pose(math.radians(rng.uniform(-3.0, 3.0)), DIVE, HEADING) for _ in many]
     sweep = [Pose(0.0, math.radians(p), HEADING) for p in np.arange(-15.0, 12.6, SWEEP[effort])]
     return [
-        Job(dive, (many, False, SEED), "horizon, dive", 4.0 + 0.1 * len(many)),
-        Job(dive, (rolled, False, SEED + 3), "horizon, rolled dive", 4.0 + 0.1 * len(many)),
-        Job(dive, (sweep, False, SEED + 1), "horizon, pitch sweep", 4.0 + 0.1 * len(sweep)),
-        Job(dive, (rolled, True, SEED + 2), "horizon, dive above a round sea", 4.0 + 0.1 * len(many)),
+        Job(dive, (many, False, SEED), "horizon, dive", 1.5 + 0.04 * len(many)),
+        Job(dive, (rolled, False, SEED + 3), "horizon, rolled dive", 1.5 + 0.04 * len(many)),
+        Job(dive, (sweep, False, SEED + 1), "horizon, pitch sweep", 1.5 + 0.04 * len(sweep)),
+        Job(dive, (rolled, True, SEED + 2), "horizon, dive above a round sea", 1.5 + 0.04 * len(many)),
     ]
 
 
