@@ -21,9 +21,9 @@ Floats = NDArray[np.float64]
 
 BORDER = 2.5  # [px] from the picture's edge: not the mark's
 ALIGNED = math.radians(14.0)  # of an edge to its direction; short ones are ragged
-SHORTEST_RUN = 3  # edges
+SHORTEST_RUN, SHORTEST_RUN_INSIDE = 3, 5  # edges; of an outline that the picture does not cut
 MISFIT = 0.06  # of the leg: RMS of the edges' places
-MOST_STARTS, MOST_CONTOURS = 6, 6
+MOST_STARTS, MOST_CONTOURS = 6, 8
 
 # the edges counter-clockwise from the left leg's foot: direction in quarter turns from +x, and the place across it by
 # width, leg, stroke (of x for edges along y, of y for edges along x)
@@ -48,12 +48,18 @@ class _Edges:
 
 
 def cut_starts(
-    contour: NDArray[np.int32], camera: CameraModel, level: LevelAxes, usual: HMark, spread: Floats
+    contour: NDArray[np.int32],
+    camera: CameraModel,
+    level: LevelAxes,
+    usual: HMark,
+    spread: Floats,
+    *,
+    shortest: int = SHORTEST_RUN,
 ) -> Iterator[tuple[MarkPose, HMark]]:
     """Poses and marks that the visible edges of a contour (N, 1, 2) suggest, best first.
 
     usual: proportions where nothing is seen of them; spread (2,): standard deviations of the logarithms of width and
-    stroke over leg.
+    stroke over leg; shortest: edges in one run.
     """
     edges = _edges(contour, camera, level)
     if edges is None:
@@ -61,7 +67,7 @@ def cut_starts(
     found: list[tuple[float, MarkPose, HMark]] = []
     for whole_run in _runs(edges):
         # a piece beside the border may be none of the mark's: if the whole run does not match, parts of it may
-        for length in range(len(whole_run), SHORTEST_RUN - 1, -1):
+        for length in range(len(whole_run), shortest - 1, -1):
             before = len(found)
             for first in range(len(whole_run) - length + 1):
                 found.extend(_matches(edges, whole_run[first : first + length], level, usual, spread))
@@ -86,16 +92,16 @@ def _matches(
                     yield solution[0], *_placed(solution[1], edges.angle, turned, level, usual.leg)
 
 
-def cut_contours(mask: NDArray[np.uint8], shortest: float) -> list[NDArray[np.int32]]:
-    """Contours (N, 1, 2) of a mask (H, W) that touch its border, longer than `shortest` [px], the longest first."""
-    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+def long_contours(mask: NDArray[np.uint8], shortest: float) -> list[tuple[NDArray[np.int32], bool]]:
+    """Contours (N, 1, 2) of a mask (H, W) longer than `shortest` [px], and whether they touch its border."""
+    contours, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     kept = []
     for contour in contours:
         if len(contour) >= shortest:
             x, y, w, h = cv2.boundingRect(contour)
-            if x <= 0 or y <= 0 or x + w >= mask.shape[1] or y + h >= mask.shape[0]:
-                kept.append(np.asarray(contour, np.int32))
-    return sorted(kept, key=len, reverse=True)[:MOST_CONTOURS]
+            cut = x <= 0 or y <= 0 or x + w >= mask.shape[1] or y + h >= mask.shape[0]
+            kept.append((np.asarray(contour, np.int32), cut))
+    return sorted(kept, key=lambda one: -len(one[0]))[:MOST_CONTOURS]
 
 
 def enough_seen(corners: Floats, camera: CameraModel) -> bool:
@@ -147,7 +153,8 @@ def _runs(edges: _Edges) -> Iterator[list[int]]:
     number = len(edges.quarters)
     breaks = np.flatnonzero(~edges.follows)
     if len(breaks) == 0:
-        yield list(range(min(number, 12)))
+        # all round: a run may begin anywhere
+        yield [k % number for k in range(min(2 * number - 1, 23))]
     for i, first in enumerate(breaks):
         length = int((breaks[(i + 1) % len(breaks)] - first - 1) % number) + 1
         yield [(int(first) + k) % number for k in range(min(length, 12))]

@@ -37,6 +37,8 @@ class EdgeFit:
     expected: int  # edge points of the model in the picture
     contrast: float  # [grey levels] mark minus surroundings
     bleed: float  # [px] common outward shift
+    places: Floats  # (N, 2) [m] mark axes of the expected edge points
+    agree: NDArray[np.bool_]  # (N,) which of them are used
     tilt: Floats  # (2,) [rad] by which the level turns about the camera's x and y, from the picture alone: no prior
     tilt_covariance: Floats  # (2, 2) [rad^2] of it
 
@@ -110,6 +112,8 @@ def fit_outline(
     used = int(inliers.sum())
     if used < least_points:
         return None
+    agree = np.zeros(len(good), bool)
+    agree[np.flatnonzero(good)[inliers]] = True
     residual = float(np.sqrt(np.mean(residuals[inliers] ** 2)))
     freedom = used / max(used - 5, 1)
     noise = SHARED * max(NOISE_FLOOR, residual * np.sqrt(freedom))
@@ -122,7 +126,8 @@ def fit_outline(
     covariance[3, 3] += tilt_std**2 * (1.0 - level.up[2] ** 2)
     return EdgeFit(
         pose, axes, covariance, residual, used, len(chosen.points),
-        polarity * float(np.median(heights[good][inliers])), float(total[6]), tilt, tilt_covariance,
+        polarity * float(np.median(heights[good][inliers])), float(total[6]), chosen.points, agree,
+        tilt, tilt_covariance,
     )  # fmt: skip
 
 

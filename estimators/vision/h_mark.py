@@ -12,8 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.vision.cut_h import cut_contours, cut_starts, enough_seen
+from estimators.vision.cut_h import SHORTEST_RUN, SHORTEST_RUN_INSIDE, cut_starts, enough_seen, long_contours
 from estimators.vision.edge_fit import EdgeFit, fit_outline
+from estimators.vision.occlusion import covered_from_one_side
 from estimators.vision.outline import OutlineSamples
 from estimators.vision.pose import (
     LevelAxes,
@@ -170,7 +171,8 @@ class HMarkFrontEnd:
     def _agrees(self, fit: EdgeFit, start: MarkPose, std: Floats) -> bool:
         """Whether a followed mark is good enough, and where it was expected."""
         whole = self.camera.contains(self.camera.project(place(self._outline, fit.pose, fit.level))).all()
-        if not self._sound(fit, share=FOLLOWED if whole else FOLLOWED_CUT):
+        covered = covered_from_one_side(fit.places, fit.agree, anew=False)
+        if not self._sound(fit, 0.0 if covered else FOLLOWED if whole else FOLLOWED_CUT):
             return False
         difference = np.append(fit.pose.position - start.position, fit.pose.angle - start.angle)
         fitted = np.sqrt(np.diag(fit.covariance))
@@ -178,24 +180,26 @@ class HMarkFrontEnd:
 
     @staticmethod
     def _sound(fit: EdgeFit, share: float) -> bool:
+        """Whether this share of the edges agrees."""
         return fit.used >= share * fit.expected and fit.residual <= RAGGED and abs(fit.contrast) >= LEAST_CONTRAST
 
     # finding
 
     def _acquire(self, image: Image, level: LevelAxes, prediction: PadPrediction | None) -> PadSighting | None:
         if prediction is not None and self._too_near(prediction):
-            return self._search_cut(image, level)
+            return self._search_part(image, level)
         found = self._search(image, level, prediction)
         if found is None and prediction is not None:
             found = self._search(image, level, None)  # the filter may be mistaken, and surer than it should be
-        return found or self._search_cut(image, level)
+        return found or self._search_part(image, level)
 
-    def _search_cut(self, image: Image, level: LevelAxes) -> PadSighting | None:
-        """A mark that the picture's edge cuts, by those of its edges that are seen."""
+    def _search_part(self, image: Image, level: LevelAxes) -> PadSighting | None:
+        """A mark that is cut or partly hidden, by those of its edges that are seen."""
         small, camera = reduced(image, self.camera, 2 if min(image.shape) >= 300 else 1)
         for mask, polarity in masks(np.asarray(cv2.medianBlur(small, 3), np.uint8)):
-            for contour in cut_contours(mask, 3.0 * SMALLEST_SIDE):
-                for start, _ in cut_starts(contour, camera, level, self.mark, np.full(2, 0.02)):
+            for contour, cut in long_contours(mask, 3.0 * SMALLEST_SIDE):
+                run = SHORTEST_RUN if cut else SHORTEST_RUN_INSIDE
+                for start, _ in cut_starts(contour, camera, level, self.mark, np.full(2, 0.02), shortest=run):
                     fit = self._verified(image, level, start, polarity, whole=False)
                     if fit is not None:
                         return self._sighting(fit, tracked=False)
@@ -254,7 +258,10 @@ class HMarkFrontEnd:
             factor *= 2
         prior = np.array([0.2 * depth, 0.2 * depth, 0.3 * depth, 0.5])
         fit = self._refine(image, level, start, prior, 6.0 * factor, factor, polarity)
-        if fit is None or not self._sound(fit, share=FOUND) or fit.used < 60:
+        if fit is None or fit.used < 60:
+            return None
+        covered = not whole and covered_from_one_side(fit.places, fit.agree, anew=True)
+        if not self._sound(fit, 0.0 if covered else FOUND):
             return None
         # a small shape is fitted by chance more easily
         if fit.residual > 0.02 * self._size * self.camera.fy / fit.pose.position[2]:
