@@ -11,6 +11,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 Floats = NDArray[np.float64]
 
@@ -100,3 +101,7 @@ class CameraMount:
         # a turn about y left by +a takes x to (cos a, 0, -sin a): nose down
         turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
         return cls(np.asarray(position, float), turn @ FORWARD)
+
+    def turned(self, roll: float, pitch: float) -> "CameraMount":
+        """The same place, the camera turned with a body that rolled right side down and pitched nose up [rad]."""
+        return CameraMount(self.position, Rotation.from_rotvec([roll, -pitch, 0.0]).as_matrix() @ self.axes)

@@ -37,6 +37,9 @@ class CameraSpec:
     model: CameraModel
     mount: CameraMount
     colour: bool = True  # False: monochrome, pictures (H, W)
+    # what an extended vehicle file knows to be wrong, of what flies; who sees with the camera does not look at it
+    focal_scale: float = 1.0  # true focal length (that of `model`) over the one taken
+    stamp_delay: float = 0.0  # [s] by which stamps are late
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,7 @@ from sim import sensors, terms
 from sim.parameters import Parameter
 from sim.sensors.contract import Site
 from sim.terms.contract import GEOMETRY, Term
+from sim.vehicle_extension import Extension
 from sim.vehicle_numbers import Number, Reader, Strict
 
 Floats = NDArray[np.float64]
@@ -68,6 +69,11 @@ class Camera(Strict):
     fy: Number
     distortion: Number | None = None  # k1, k2, p1, p2, k3
     colour: bool = True
+    # errors that a diagnosis found; zero where there are none
+    focal_scale: Number | None = None  # true focal length over fx and fy
+    roll: Number | None = None  # right side down, against what it looks along
+    pitch: Number | None = None  # nose up
+    stamp_delay: Number | None = None  # by which stamps are late
 
 
 class Environment(Strict):
@@ -90,6 +96,7 @@ class VehicleFile(Strict):
     terms: dict[str, dict[str, Number]]
     sensors: dict[str, dict[str, Number]]
     cameras: dict[str, Camera]
+    extension: Extension | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,13 +269,19 @@ def _camera(reader: Reader, key: str, camera: Camera) -> CameraSpec:
     else:
         nose_down = reader.scalar(camera.nose_down, "rad", f"{key}.nose_down") if camera.nose_down else 0.0
         mount = CameraMount.forward(position, nose_down)
+    turn = [reader.scalar(n, "rad", f"{key}.{name}") if n else 0.0
+            for name, n in (("roll", camera.roll), ("pitch", camera.pitch))]  # fmt: skip
+    if any(turn):
+        mount = mount.turned(*turn)
+    focal = reader.scalar(camera.focal_scale, "1", f"{key}.focal_scale", positive=True) if camera.focal_scale else 1.0
+    delay = reader.scalar(camera.stamp_delay, "s", f"{key}.stamp_delay") if camera.stamp_delay else 0.0
     distortion = reader.vector(camera.distortion, "1", f"{key}.distortion", 5) if camera.distortion else np.zeros(5)
     k1, k2, p1, p2, k3 = distortion.tolist()
     model = CameraModel(
         camera.width,
         camera.height,
-        reader.scalar(camera.fx, "px", f"{key}.fx", positive=True),
-        reader.scalar(camera.fy, "px", f"{key}.fy", positive=True),
+        focal * reader.scalar(camera.fx, "px", f"{key}.fx", positive=True),
+        focal * reader.scalar(camera.fy, "px", f"{key}.fy", positive=True),
         (camera.width - 1) / 2,
         (camera.height - 1) / 2,
         (k1, k2, p1, p2, k3),
@@ -277,4 +290,6 @@ def _camera(reader: Reader, key: str, camera: Camera) -> CameraSpec:
     latency = reader.scalar(camera.latency, "s", f"{key}.latency")
     if not 0.0 <= latency <= 2.0:
         reader.fail(f"{key}.latency", f"must lie in 0 .. 2 s (got {latency:g})")
-    return CameraSpec(rate, latency, model, mount, camera.colour)
+    if not -0.5 <= delay <= 1.0:
+        reader.fail(f"{key}.stamp_delay", f"must lie in -0.5 .. 1 s (got {delay:g})")
+    return CameraSpec(rate, latency, model, mount, camera.colour, focal, delay)

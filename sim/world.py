@@ -337,6 +337,8 @@ class World:
             if mark is None:
                 self._sensors[topic] = FlowCamera(*args, camera=camera.model, mount=camera.mount)
             else:
+                numbers["scale"] = numbers.get("scale", 1.0) / camera.focal_scale  # a longer lens brings the mark near
+                numbers["delay"] = numbers.get("delay", 0.0) + camera.stamp_delay
                 self._sensors[topic] = PadCamera(*args, camera=camera.model, mount=camera.mount, mark=mark)
         rates = {topic: sensor.numbers["rate"] for topic, sensor in self._sensors.items()}
         if rendered:

@@ -16,7 +16,7 @@ def changes(flight: Flight, vehicle: Vehicle) -> list[Change]:
 CAUSE = Cause(
     name="gps_drift",
     where="sensor",
-    parameters=tuple(Parameter(axis, "m/s", f"sensors.gps.drift_{axis}", 0.1) for axis in ("e", "n", "u")),
+    parameters=tuple(Parameter(axis, "m/s", f"sensors.gps.drift_rate_{axis}", 0.1) for axis in ("e", "n", "u")),
     about="steady drift of position, beyond the declared wander",
     needs=("gps",),
     changes=changes,

@@ -37,12 +37,13 @@ class Exposure:
     """A picture on its way."""
 
     request: FrameRequest
+    t: float  # [s] as stamped
     t_arrival: float  # [s]
     fetch: Callable[[FrameRequest], Picture]
 
     def develop(self) -> Frame:
         """The picture; waits for the renderer where it must."""
-        return Frame(self.request.t, self.t_arrival, self.request.camera, self.fetch(self.request))
+        return Frame(self.t, self.t_arrival, self.request.camera, self.fetch(self.request))
 
 
 class Shutter:
@@ -59,7 +60,9 @@ class Shutter:
         self._counts[camera] = index + 1
         request = FrameRequest(camera, t, index, data.qpos.copy(), data.qvel.copy(), light)
         self._eyes.submit(request)
-        return Exposure(request, t + self._cameras[camera].latency, self._fetch)
+        spec = self._cameras[camera]
+        stamp = t + spec.stamp_delay
+        return Exposure(request, stamp, max(t, stamp + spec.latency), self._fetch)
 
     def _fetch(self, request: FrameRequest) -> Picture:
         """The renderer hands pictures out in the order of exposure, which need not be that of arrival."""
