@@ -90,7 +90,7 @@ class RingFrontEnd:
 
         attitude: (4,) wxyz, body to world, at the picture's time. prediction: where the filter expects the mark, or
         None. Without one the rings are found, whole or cut; where too few of the bars are in the picture the angle is
-        left open: its standard deviation is some radians.
+        NaN and its standard deviation some radians.
         """
         if image.ndim == 3:
             image = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
@@ -242,7 +242,7 @@ class RingFrontEnd:
         quality = fit.used / fit.expected * min(1.0, 0.3 / max(fit.residual, 1e-6))
         return PadSighting(
             position=fit.pose.position,
-            angle=math.pi - (math.pi - fit.pose.angle) % (2.0 * math.pi),
+            angle=math.pi - (math.pi - fit.pose.angle) % (2.0 * math.pi) if turned else math.nan,
             std_position=std[:3],
             std_angle=float(std[3]),
             covariance=covariance,

@@ -30,6 +30,8 @@ ALIKE = 0.05  # [1] between a circle's radius and the mark's
 MOST_TRIED = 4  # poses of one threshold
 TURNS = 180  # angles tried
 LEAST_MATCH = 0.5  # correlation of the bars with what is around the rings
+MOSTLY, PARTLY = 0.5, 0.2  # of the surroundings that must be in the picture to tell the mark; to tell its angle
+DISTINCT = 0.7  # of the best correlation, above which another angle would do as well
 
 
 @dataclass(frozen=True)
@@ -145,15 +147,16 @@ class RingSearch:
         grey = cv2.remap(region, places[:, 0], places[:, 1], cv2.INTER_LINEAR, borderValue=0).ravel().astype(float)
         shape = self._pattern.shape
         grey, weight = (grey * seen).reshape(shape), seen.reshape(shape).astype(float)
-        if weight.mean() < 0.5:
+        if weight.mean() < PARTLY:
             return MarkPose(pose.position, angle), False
         grey = np.where(weight > 0, grey - grey.sum() / weight.sum(), 0.0)
         match = _correlation(grey, self._pattern) / np.sqrt(
             np.maximum(np.sum(grey**2) * _correlation(weight, self._pattern**2), 1e-9)
         )
         turn = int(np.argmax(match))
-        if match[turn] < LEAST_MATCH:
-            return None
+        others = np.delete(np.roll(match, -turn), np.arange(-TURNS // 18, TURNS // 18 + 1))
+        if match[turn] < LEAST_MATCH or others.max() > DISTINCT * match[turn]:
+            return None if weight.mean() >= MOSTLY else (MarkPose(pose.position, angle), False)
         return MarkPose(pose.position, turn * 2.0 * math.pi / TURNS), True
 
 

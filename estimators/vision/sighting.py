@@ -36,7 +36,8 @@ class PadSighting:
 
     angle: azimuth of the mark's axis minus azimuth of image up, both clockwise seen from above, image up taken by its
     horizontal projection: heading of the mark = heading of the camera + angle (for the down camera the camera's
-    heading is the vehicle's). Modulo the mark's own turn: in (-pi/2, pi/2] for an H, in (-pi, pi] for a ring.
+    heading is the vehicle's). Modulo the mark's own turn: in (-pi/2, pi/2] for an H, in (-pi, pi] for a ring; NaN where
+    the picture leaves it open.
 
     covariance (4, 4) is of (x, y, z [m], angle [rad]), from the picture alone: the prediction is not in it, and a
     direction that the visible edges leave open has a standard deviation of metres. It holds the front end's share of
