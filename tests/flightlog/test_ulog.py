@@ -203,7 +203,7 @@ def test_the_parser_says_nothing_on_stdout(flight, capfd):
 
 
 def test_a_message_that_claims_more_than_there_is_does_not_hold_the_reader_up(flight):
-    """Of no type, a byte longer than the rest of the file, among the definitions: the parser would go round for ever."""
+    """Of no type, a byte longer than the rest of the file, among the definitions: the parser would go round."""
     folder, _ = flight
     whole = (folder / "flight.ulg").read_bytes()
     path = folder / "round.ulg"

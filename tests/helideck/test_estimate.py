@@ -222,7 +222,7 @@ def test_a_barometer_s_glitches_do_not_move_the_height(estimate, tmp_path):
         after = np.linspace(start, start + 1.0, 26)
         fused = np.interp(after, own["t"], own["u"]) - np.interp(start, own["t"], own["u"])
         flown = np.interp(after, gps["t"], gps["u"]) - np.interp(start, gps["t"], gps["u"])
-        assert np.abs(fused - flown).max() < 2.0
+        assert np.abs(fused - flown).max() < 1.25
     # and without what the barometer said in the two seconds about each jump
     t = baro["t"]
     sound = np.abs(t[:, None] - t[jumps]).min(axis=1) > 1.0
@@ -243,9 +243,10 @@ def test_a_quadrotor_s_drifting_satellites_are_not_followed(estimate):
     apart = np.interp(baro["t"], own["t"], own["u"]) - baro["altitude"]
     assert np.abs(apart).max() < 2.5  # the satellites walk off by 7 m
     upright = theirs["t"] < 75.0  # then it lies on its side
-    for angle, most in (("roll", 5.0), ("pitch", 5.0)):
-        wrong = np.degrees(np.interp(theirs["t"], own["t"], own[angle]) - theirs[angle])[upright]
-        assert np.percentile(np.abs(wrong), 95) < most
+    for angle in ("roll", "pitch"):
+        wrong = np.abs(np.degrees(np.interp(theirs["t"], own["t"], own[angle]) - theirs[angle])[upright])
+        # 25 samples a second of a shaken gyroscope, against a filter that had 400
+        assert np.median(wrong) < 3.0 and np.percentile(wrong, 95) < 8.0
 
 
 @measured
