@@ -5,106 +5,24 @@ project's documentation of log messages, and what the firmware writes (AP_Logger
 """
 
 import re
-from collections.abc import Callable, Mapping
-from itertools import count
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flightlog.errors import UserError
 from flightlog.geodesy import LocalFrame
-from flightlog.readers.dataflash import Messages, parse
+from flightlog.readers.dataflash import parse
+from flightlog.readers.dataflash_source import Source, is_whole
 from flightlog.readers.log import Draft, Log
-from flightlog.readers.row_clock import RowClock
 
 Floats = NDArray[np.float64]
 
 GROUND = 3.0  # [s] of the first fixes, whose median is the origin
 FIX_3D = 3
 DOWNWARD = 25  # orientation of a rangefinder
-HELICOPTER = ("HS1_", "H_COL_", "H_SW", "H_RSC", "H_SV")  # parameters that only a helicopter has
 MOTORS = {**{33 + k: k + 1 for k in range(8)}, **{82 + k: k + 9 for k in range(4)}}  # SERVOn_FUNCTION -> motor
-CLOCKS = (("TimeUS", 1e-6), ("T", 1e-3), ("TimeMS", 1e-3))
-
-
-class _Source:
-    """The messages with a clock for those that carry none."""
-
-    def __init__(self, messages: Mapping[str, Messages], draft: Draft) -> None:
-        self.messages, self.draft = messages, draft
-        self.parameters = _parameters(messages.get("PARM"))
-        self.copter = not any(name.startswith(HELICOPTER) for name in self.parameters)
-        self.copter &= self.parameters.get("FRAME_CLASS") not in (6.0, 11.0, 13.0)
-        self._untimed: set[str] = set()
-        self._clock = self._row_clock()
-
-    def get(self, name: str, *columns: str) -> Messages | None:
-        """Messages of that name, if they have all these columns and a number in one."""
-        found = self.messages.get(name)
-        if found is None or not len(found) or not all(column in found for column in columns):
-            return None
-        return found
-
-    def instances(self, name: str, *columns: str) -> list[Messages]:
-        """Messages of one kind by device: told apart by a column, or by a number in their name."""
-        found = []
-        for number in count(1):
-            message = self.get(name if number == 1 else f"{name}{number}", *columns)
-            if message is None and number > 2:
-                break
-            if message is None:
-                continue
-            which = message.first("I", "Instance", "Inst")
-            if which is None:
-                found.append(message)
-            else:
-                found += [message.only(message[which] == i) for i in np.unique(message[which])]
-        return found
-
-    def time(self, message: Messages) -> tuple[Floats, bool]:
-        """(time (N,) [s], whether the messages carry it)."""
-        own = _own_time(message)
-        if own is not None:
-            return own, True
-        if message.name == "GPS" and (column := message.first("Time", "TimeMS")):
-            return message[column] * 1e-3, True
-        if self._clock is None:
-            path = self.draft.path
-            raise UserError(f"{path}: its {message.name} rows have no time, and there are no GPS rows to place them by")
-        t, paused = self._clock.at(message.place)
-        if message.name not in self._untimed:
-            self._untimed.add(message.name)
-            self.draft.note(
-                f"{message.name}: rows carry no time; placed by their order between GPS rows"
-                + (f", {paused} of them in a pause of the log, right behind its beginning" if paused else "")
-            )
-        return t, False
-
-    def add(self, topic: str, message: Messages, columns: Mapping[str, Any], **further: dict[str, str]) -> None:
-        """Put a message's columns into the draft as a topic."""
-        t, timed = self.time(message)
-        self.draft.add(topic, {"t": t, **columns}, timed=timed, units=further.get("units"))
-
-    @staticmethod
-    def _stamps(message: Messages) -> Floats:
-        own = _own_time(message)
-        return message[message.first("Time", "TimeMS") or "Time"] * 1e-3 if own is None else own
-
-    def _row_clock(self) -> RowClock | None:
-        """By all rows on the firmware's own clock, or where there are none by the GPS rows."""
-        timed = [m for m in self.messages.values() if m.name not in ("GPS", "PARM", "FMTU") and len(m) > 1
-                 and _own_time(m) is not None]  # fmt: skip
-        gps = self.messages.get("GPS")
-        if gps is not None and (_own_time(gps) is not None or (not timed and gps.first("Time", "TimeMS"))):
-            timed.append(gps)
-        if not timed:
-            return None
-        place = np.concatenate([m.place for m in timed])
-        t = np.concatenate([self._stamps(m) for m in timed])
-        order = np.argsort(place, kind="stable")
-        return RowClock(place[order], t[order]) if len(place) > 1 else None
 
 
 def read_dataflash(path: Path) -> Log:
@@ -113,48 +31,26 @@ def read_dataflash(path: Path) -> Log:
     draft = Draft(path, "dataflash")
     for note in notes:
         draft.note(note)
-    source = _Source(messages, draft)
+    source = Source(messages, draft)
     for translate in _TRANSLATORS:
         translate(source)
     return draft.finish({"parameters": source.parameters})
 
 
-def _own_time(message: Messages) -> Floats | None:
-    """The firmware's clock of each row [s]; None where there is none. A GPS row's TimeMS is the satellites'."""
-    for name, factor in CLOCKS:
-        if name in message and not (message.name == "GPS" and name == "TimeMS"):
-            return message[name] * factor
-    return None
-
-
-def _parameters(message: Messages | None) -> dict[str, float]:
-    if message is None or "Name" not in message or "Value" not in message:
-        return {}
-    return {str(name): float(value) for name, value in zip(message["Name"], message["Value"], strict=True)}
-
-
-def _integer(message: Messages, column: str) -> bool:
-    """Whether the firmware wrote a column as whole numbers without a factor."""
-    return message.formats.get(column, "") in tuple("bBhHiIqQ")
-
-
-# --- one topic each ---------------------------------------------------------------------------------------------------
-
-
-def _imu(source: _Source) -> None:
+def _imu(source: Source) -> None:
     axes = ("AccX", "AccY", "AccZ", "GyrX", "GyrY", "GyrZ")
     for m in source.instances("IMU", *axes):
         fx, fy, fz, wx, wy, wz = (m[axis] for axis in axes)
         source.add("imu", m, {"fx": fx, "fy": -fy, "fz": -fz, "wx": wx, "wy": -wy, "wz": -wz})
 
 
-def _mag(source: _Source) -> None:
+def _mag(source: Source) -> None:
     """Milligauss, offsets taken off already."""
     for m in source.instances("MAG", "MagX", "MagY", "MagZ"):
         source.add("mag", m, {"mx": 0.1 * m["MagX"], "my": -0.1 * m["MagY"], "mz": -0.1 * m["MagZ"]})
 
 
-def _baro(source: _Source) -> None:
+def _baro(source: Source) -> None:
     """The firmware's own height above where it was armed; by CTUN where there is no BARO."""
     found = source.instances("BARO", "Alt")
     found += source.instances("BAR", "Alt") if not found else [m for m in (source.get("BAR2", "Alt"),
@@ -171,7 +67,7 @@ def _baro(source: _Source) -> None:
         source.add("baro", tuning, {"altitude": tuning[column]})
 
 
-def _gps(source: _Source) -> None:
+def _gps(source: Source) -> None:
     """Place from the first fixes; height is the column Alt less their median, velocity from speed and course."""
     frame: LocalFrame | None = None
     for m in source.instances("GPS", "Lat", "Lng", "Alt", "Status"):
@@ -202,7 +98,7 @@ def _gps(source: _Source) -> None:
         source.draft.note(f"gps: the origin is the median of the first {GROUND:g} s of fixes, {place}")
 
 
-def _sonar(source: _Source) -> None:
+def _sonar(source: Source) -> None:
     """A rangefinder that looks down; by CTUN where there is no RFND."""
     found = False
     for m in source.instances("RFND"):
@@ -224,18 +120,18 @@ def _sonar(source: _Source) -> None:
         source.draft.note(f"CTUN.{column} is nothing but zero: no sonar")
 
 
-def _controls(source: _Source) -> None:
+def _controls(source: Source) -> None:
     """What the attitude loops' outcome leaves for lift: a helicopter's collective, another's throttle, in 0 .. 1."""
     m = source.get("CTUN")
     if m is not None and (column := m.first("ThrOut", "ThO")):
-        share = m[column] / (1000.0 if _integer(m, column) else 1.0)
+        share = m[column] / (1000.0 if is_whole(m, column) else 1.0)
         columns = {"throttle" if source.copter else "collective": share}
         if (stick := m.first("ThrIn", "ThI")) is not None:
-            columns["throttle_stick"] = m[stick] / (1000.0 if _integer(m, stick) else 1.0)
+            columns["throttle_stick"] = m[stick] / (1000.0 if is_whole(m, stick) else 1.0)
         source.add("controls", m, columns, units={"throttle_stick": "1", "collective": "1"})
 
 
-def _motors(source: _Source) -> None:
+def _motors(source: Source) -> None:
     """Pulses to the motors, as a share of what the parameters call their range."""
     if not source.copter:
         return
@@ -264,7 +160,7 @@ def _motors(source: _Source) -> None:
         source.add("actuators", m, columns)
 
 
-def _rotor(source: _Source) -> None:
+def _rotor(source: Source) -> None:
     """Rotor speeds: of a tachometer, else of the motors' own telemetry at the first one's times."""
     m = source.get("RPM")
     if m is not None and (column := m.first("rpm1", "RPM1", "RPM")):
@@ -281,18 +177,18 @@ def _rotor(source: _Source) -> None:
     source.add("rotor", found[0], columns)
 
 
-def _battery(source: _Source) -> None:
+def _battery(source: Source) -> None:
     """Volt and ampere; the oldest firmware wrote whole hundredths."""
     found = source.instances("BAT", "Volt") or source.instances("CURR", "Volt")
     for m in found:
-        scale = 0.01 if _integer(m, "Volt") else 1.0
+        scale = 0.01 if is_whole(m, "Volt") else 1.0
         columns = {"voltage": scale * m["Volt"]}
         if "Curr" in m:
-            columns["current"] = m["Curr"] * (0.01 if _integer(m, "Curr") else 1.0)
+            columns["current"] = m["Curr"] * (0.01 if is_whole(m, "Curr") else 1.0)
         source.add("battery", m, columns)
 
 
-def _flow(source: _Source) -> None:
+def _flow(source: Source) -> None:
     """Rates [rad/s] about body x and y, positive where the vehicle turns so over still ground."""
     m = source.get("OF", "flowX", "flowY", "Qual")
     if m is None:
@@ -302,7 +198,7 @@ def _flow(source: _Source) -> None:
     source.add("flow", m, {"dt": dt, "u": m["flowX"] * dt, "v": m["flowY"] * dt, "quality": m["Qual"] / 255.0})
 
 
-def _estimate(source: _Source) -> None:
+def _estimate(source: Source) -> None:
     """The vehicle's own attitude, and beside it the state of its first Kalman filter."""
     m = source.get("ATT", "Roll", "Pitch", "Yaw")
     if m is not None:
@@ -319,6 +215,6 @@ def _estimate(source: _Source) -> None:
         break
 
 
-_TRANSLATORS: tuple[Callable[[_Source], None], ...] = (
+_TRANSLATORS: tuple[Callable[[Source], None], ...] = (
     _imu, _mag, _baro, _gps, _sonar, _controls, _motors, _rotor, _battery, _flow, _estimate
 )  # fmt: skip

@@ -7,7 +7,8 @@ import numpy as np
 
 from flightlog.errors import UserError
 from flightlog.flight_json import NAME, read_flight_json
-from flightlog.readers.csv import GZIP, PATTERN, read_csv, read_folder
+from flightlog.readers.csv import PATTERN, read_csv, read_folder
+from flightlog.readers.csv_file import GZIP
 from flightlog.readers.folder import Tables
 from flightlog.readers.log import Log, finish
 

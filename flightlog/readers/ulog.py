@@ -3,21 +3,16 @@
 Field names are those of the firmware's message files from version 1.8 on; where they changed, both are known.
 """
 
-import contextlib
-import io
-import re
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from flightlog.errors import UserError
 from flightlog.geodesy import LocalFrame
 from flightlog.readers.log import Draft, Log
+from flightlog.readers.ulog_file import Dataset, Source
 from flightlog.rotations import to_angles
 
 Floats = NDArray[np.float64]
@@ -26,123 +21,20 @@ DOWNWARD = 25  # orientation of a distance sensor
 FIX_3D = 3
 GROUND = 3.0  # [s] of the first fixes, whose median is the origin where the estimate has none
 NEAR = 0.1  # [s] an attitude this far from a position is not put beside it
-_HUGE = re.compile(rb"\[[0-9]{6,}\]")  # no message has arrays of that length: the definition is broken
 _ENU = Rotation.from_matrix([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _FLU = Rotation.from_quat([1.0, 0.0, 0.0, 0.0])
-
-
-class _Dataset:
-    """One message's columns, one instance."""
-
-    def __init__(self, data: dict[str, Any]) -> None:
-        self._data = data
-        self.t = self.stamps("timestamp")
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._data
-
-    def __getitem__(self, name: str) -> Floats:
-        return np.asarray(self._data[name], float)
-
-    def first(self, *names: str) -> Floats | None:
-        """The first of these columns that there is."""
-        return next((self[name] for name in names if name in self), None)
-
-    def stamps(self, name: str) -> Floats:
-        """A column of microseconds [s]."""
-        return np.asarray(self._data[name]).astype(float) * 1e-6
-
-    @property
-    def valid_time(self) -> Floats:
-        """When the sample was taken [s]: beside the time of the message in newer firmware."""
-        if "timestamp_sample" not in self:
-            return self.t
-        sample = self.stamps("timestamp_sample")
-        return np.where(sample > 0.0, sample, self.t)
-
-    def vector(self, name: str, size: int = 3) -> list[Floats] | None:
-        """The elements of an array."""
-        return [self[f"{name}[{i}]"] for i in range(size)] if all(f"{name}[{i}]" in self for i in range(size)) else None
-
-
-class _Bounded(io.BytesIO):
-    """A file that notices when its reader goes round in circles, as the parser does at some broken messages."""
-
-    MOST = 16  # returns to one place
-
-    def __init__(self, data: bytes) -> None:
-        super().__init__(data)
-        self._visits: Counter[int] = Counter()
-
-    def seek(self, offset: int, whence: int = 0, /) -> int:
-        place = super().seek(offset, whence)
-        self._visits[place] += 1
-        if self._visits[place] > self.MOST:
-            raise EOFError(f"no message can be read beyond byte {place}")
-        return place
-
-
-class _Source:
-    """All messages by name and instance."""
-
-    def __init__(self, path: Path, draft: Draft) -> None:
-        self.draft = draft
-        self._found: dict[str, list[_Dataset]] = {}
-        datasets, self.parameters = _parse(path, draft)
-        for dataset in datasets:
-            if "timestamp" in dataset.data and len(dataset.data["timestamp"]):
-                self._found.setdefault(dataset.name, []).append(_Dataset(dataset.data))
-
-    def all(self, *names: str) -> list[_Dataset]:
-        """Every instance of the first of these messages that there is."""
-        return next((self._found[name] for name in names if name in self._found), [])
-
-    def one(self, *names: str) -> _Dataset | None:
-        """The first instance."""
-        return next(iter(self.all(*names)), None)
 
 
 def read_ulog(path: Path) -> Log:
     """The log as topics; UserError where it cannot be read or nothing in it is a measurement."""
     draft = Draft(path, "ulog")
-    source = _Source(path, draft)
+    source = Source(path, draft)
     for translate in _TRANSLATORS:
         translate(source)
     return draft.finish({"parameters": source.parameters})
 
 
-def _parse(path: Path, draft: Draft) -> tuple[list[Any], dict[str, Any]]:
-    """(pyulog's data sets, parameters at the start)."""
-    from pyulog import ULog
-
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror}") from None
-    if huge := _HUGE.search(data):
-        found = f"byte {huge.start()} declares an array of {huge[0].decode()} elements"
-        raise UserError(f"{path}: not a sound ULog: {found}")
-    said = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(said), np.errstate(all="ignore"):
-            log = ULog(_Bounded(data), None, True)
-    except MemoryError:
-        raise
-    except Exception as error:  # whatever a broken file makes of the parser, the file is the reason
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise UserError(f"{path}: not a sound ULog: {reason}") from None
-    if log.file_corruption:
-        draft.note(f"{path.name}: broken in places or broken off; what could be read is used")
-    if log.dropouts:
-        lost = sum(dropout.duration for dropout in log.dropouts) / 1000.0
-        draft.note(f"{path.name}: {len(log.dropouts)} dropout(s) of the logger, {lost:.2f} s in all")
-    return list(log.data_list), dict(log.initial_parameters)
-
-
-# --- one topic each ---------------------------------------------------------------------------------------------------
-
-
-def _imu(source: _Source) -> None:
+def _imu(source: Source) -> None:
     for m in source.all("sensor_combined"):
         force, rate = m.vector("accelerometer_m_s2"), m.vector("gyro_rad")
         if force is None or rate is None:
@@ -151,7 +43,7 @@ def _imu(source: _Source) -> None:
         source.draft.add("imu", {"t": m.t, "fx": fx, "fy": -fy, "fz": -fz, "wx": wx, "wy": -wy, "wz": -wz})
 
 
-def _mag(source: _Source) -> None:
+def _mag(source: Source) -> None:
     """Gauss."""
     for m in source.all("vehicle_magnetometer", "sensor_mag"):
         field = m.vector("magnetometer_ga") or ([m[a] for a in "xyz"] if all(a in m for a in "xyz") else None)
@@ -160,7 +52,7 @@ def _mag(source: _Source) -> None:
             source.draft.add("mag", {"t": m.valid_time, "mx": 100.0 * x, "my": -100.0 * y, "mz": -100.0 * z})
 
 
-def _baro(source: _Source) -> None:
+def _baro(source: Source) -> None:
     """Height is above the sea, or by another datum: zero at the first sample."""
     for m in source.all("vehicle_air_data", "sensor_baro"):
         columns = {"t": m.valid_time}
@@ -177,7 +69,7 @@ def _baro(source: _Source) -> None:
         source.draft.add("baro", columns)
 
 
-def _gps(source: _Source) -> None:
+def _gps(source: Source) -> None:
     frame = _reference(source)
     for m in source.all("vehicle_gps_position", "sensor_gps"):
         if "latitude_deg" in m and "longitude_deg" in m:
@@ -212,7 +104,7 @@ def _gps(source: _Source) -> None:
         source.draft.note(f"gps: the origin is {place}")
 
 
-def _reference(source: _Source) -> LocalFrame | None:
+def _reference(source: Source) -> LocalFrame | None:
     """The origin of the vehicle's own estimate, where it has one."""
     m = source.one("vehicle_local_position")
     if m is None or not all(name in m for name in ("ref_lat", "ref_lon", "ref_alt")):
@@ -227,7 +119,7 @@ def _reference(source: _Source) -> LocalFrame | None:
     return LocalFrame(latitude, longitude, altitude)
 
 
-def _sonar(source: _Source) -> None:
+def _sonar(source: Source) -> None:
     for m in source.all("distance_sensor"):
         if "current_distance" not in m or ("orientation" in m and not np.any(m["orientation"] == DOWNWARD)):
             continue
@@ -242,7 +134,7 @@ def _sonar(source: _Source) -> None:
         source.draft.add("sonar", {"t": m.valid_time, "range": distance, "valid": valid})
 
 
-def _flow(source: _Source) -> None:
+def _flow(source: Source) -> None:
     """Angles about body x and y, positive where the vehicle turns so over still ground."""
     for m in source.all("vehicle_optical_flow", "sensor_optical_flow", "optical_flow"):
         angles = m.vector("pixel_flow", 2)
@@ -257,7 +149,7 @@ def _flow(source: _Source) -> None:
         source.draft.add("flow", columns)
 
 
-def _controls(source: _Source) -> None:
+def _controls(source: Source) -> None:
     """Motor commands 0 .. 1, else the pulses of the outputs."""
     m = source.one("actuator_motors")
     if m is not None:
@@ -278,7 +170,7 @@ def _controls(source: _Source) -> None:
         source.draft.add("controls", {"t": m.t, **columns})
 
 
-def _rotor(source: _Source) -> None:
+def _rotor(source: Source) -> None:
     m = source.one("esc_status")
     if m is None:
         return
@@ -289,7 +181,7 @@ def _rotor(source: _Source) -> None:
     source.draft.add("rotor", {"t": m.t, **dict(zip(names, speeds, strict=True))})
 
 
-def _battery(source: _Source) -> None:
+def _battery(source: Source) -> None:
     for m in source.all("battery_status"):
         columns = {"t": m.t}
         if (voltage := m.first("voltage_v", "voltage_filtered_v")) is not None:
@@ -299,7 +191,7 @@ def _battery(source: _Source) -> None:
         source.draft.add("battery", columns)
 
 
-def _estimate(source: _Source) -> None:
+def _estimate(source: Source) -> None:
     """Position and velocity with the attitude of that time beside them; else the attitude alone."""
     place, turn = source.one("vehicle_local_position"), source.one("vehicle_attitude")
     angles = _angles(turn) if turn is not None else None
@@ -327,7 +219,7 @@ def _estimate(source: _Source) -> None:
     source.draft.add("estimate", columns)
 
 
-def _angles(m: _Dataset) -> tuple[Floats, Floats, Floats, Floats] | None:
+def _angles(m: Dataset) -> tuple[Floats, Floats, Floats, Floats] | None:
     """(t [s], roll, pitch, heading [rad]) from the quaternion, FRD to NED; in order of time."""
     q = m.vector("q", 4)
     if q is None:
@@ -342,6 +234,6 @@ def _angles(m: _Dataset) -> tuple[Floats, Floats, Floats, Floats] | None:
     return m.valid_time[sound][order], roll[order], pitch[order], heading[order]
 
 
-_TRANSLATORS: tuple[Callable[[_Source], None], ...] = (
+_TRANSLATORS: tuple[Callable[[Source], None], ...] = (
     _imu, _mag, _baro, _gps, _sonar, _flow, _controls, _rotor, _battery, _estimate
 )  # fmt: skip
