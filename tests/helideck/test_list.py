@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from estimators.navigators import NAVIGATORS
 from helideck.cli import main
 from helideck.listing import LISTS
 from scenarios.load import available
@@ -11,7 +12,10 @@ from sim.sensors import CATALOGUE as SENSORS
 from sim.terms import CATALOGUE as TERMS
 from sim.vehicle import available as vehicles
 
-EXPECTED = {"scenarios": available(), "vehicles": vehicles(), "terms": list(TERMS), "sensors": list(SENSORS)}
+EXPECTED = {
+    "scenarios": available(), "vehicles": vehicles(), "terms": list(TERMS), "sensors": list(SENSORS),
+    "navigators": list(NAVIGATORS),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("what", list(LISTS))
