@@ -40,7 +40,9 @@ def test_ours_and_the_published_estimator_see_the_same_flight(flown):
     ours, theirs = descents["helideck"], descents["published"]
     np.testing.assert_array_equal(ours.t, theirs.t)
     np.testing.assert_array_equal(ours.height, theirs.height)
-    assert np.abs(ours.error).max() < 0.05
+    # without pictures perspective shows no tilt: what the attitude is wrong by, times the height
+    assert np.abs(ours.error).max() < 0.15
+    assert np.abs(ours.error[ours.height < 1.0]).max() < 0.03
     assert 0.002 < np.abs(theirs.error).max() < 0.5
     assert ours.height.min() > 0.23  # up to the contact
 
