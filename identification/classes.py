@@ -31,7 +31,7 @@ def confusable(search: Search, best: Names, name: str) -> list[str]:
         if other == name or other in best or evidence < scores[name] - search.threshold:
             continue
         near = evidence > scores[name] - CLASS_MARGIN
-        if near or competition.likeness(name, other) > ALIKE and evidence > scores[name] - 2 * CLASS_MARGIN:
+        if near or (competition.likeness(name, other) > ALIKE and evidence > scores[name] - 2 * CLASS_MARGIN):
             found.append(other)
     return sorted(found, key=lambda other: -scores[other])
 

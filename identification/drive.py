@@ -62,14 +62,6 @@ def gust_slopes(model: Model, flight: Flight, wind: Floats, changes: Mapping[str
     return np.stack([(runs[i] - runs[3 + i]) / (2.0 * PUFF) for i in range(3)], axis=-1)
 
 
-def drive(
-    model: Model, flight: Flight, wind: Floats, noise: Noise, changes: Mapping[str, float] | None = None
-) -> Driven:
-    """Run the model along a flight and filter what it leaves."""
-    answer = model.answer(flight.drive, wind, changes)
-    return judge(flight, wind, answer, gust_slopes(model, flight, wind, changes), noise)
-
-
 def judge(flight: Flight, wind: Floats, answer: Floats, gust: Floats, noise: Noise) -> Driven:
     """Innovations of an answer (N, 7)."""
     nodes = len(answer)

@@ -4,24 +4,19 @@ The model runs along the log: motion, rotor speed and controls as measured go in
 filter then takes out what the wind's gusts explain; what is left over are innovations, white where the model is right.
 """
 
-from dataclasses import dataclass
-
 import numba
 import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from flightlog.atmosphere import density_at
-from flightlog.rotations import matrix
+from identification.grid import CONTROLS, DENSITY, HEIGHT, ROTATION, ROTOR, VELOCITY, Grid
 from sim.pipeline import Pipeline, run, settle
 from sim.terms.contract import GEOMETRY, KERNEL, SIGNALS
-from sim.wind.mean import mean_speed
 
 Floats = NDArray[np.float64]
 
 CHANNELS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z", "rotor.speed")
 UNITS = ("m/s^2", "m/s^2", "m/s^2", "rad/s^2", "rad/s^2", "rad/s^2", "rad/s")
-FORCE, MOMENT, ROTOR = 0, 3, 6
 
 SETTLE_TICK, SETTLE_TICKS = 0.004, 250  # [s]: five of the slowest lag
 GROWING = ("fuel.burnt",)  # states that start with the flight and do not settle
@@ -37,78 +32,77 @@ _counts = types.Array(types.int64, 1, "C")
 @numba.njit(
     types.void(
         types.ListType(types.FunctionType(KERNEL)), _spans, types.Array(_signals, 1, "C"),
-        types.Array(_geometry, 1, "C"), _vector, _vector, types.int64, _counts, _vector, _table, _table, _vector,
-        _table, _vector, _vector, _vector, _vector, types.float64, types.float64, _table,
+        types.Array(_geometry, 1, "C"), _vector, _vector, types.int64, _counts, _table, _vector, _vector, _vector,
+        _vector, _table,
     ),
     cache=True,
     nogil=True,
 )  # fmt: skip
-def along(
-    kernels, spans, signals, geometry, x, p, held, edges, t, motion, rates, rotor, controls, wind, puff, inertia, arm,
-    surface_pressure, surface_temperature, out,
-):  # fmt: skip
-    """Run the model along a log.
+def along(kernels, spans, signals, geometry, x, p, held, edges, ticks, wind, puff, inertia, arm, out):
+    """Run the model along a grid.
 
-    held: number of the state that is the rotor's speed, kept at what was measured (< 0: none). edges (N + 1,): sample
-    at which each node begins. t (S,), motion (S, 10), rates (S, 3), rotor (S,), controls (S, 5). wind (3,) at 10 m,
-    ENU, with the usual profile over the height; puff (3,) the same everywhere.
-    inertia (3,); arm (3,) of the inertial sensor. out (N, 7): mean specific force at the inertial sensor, angular
-    acceleration, rotor acceleration.
+    held: number of the state that is the rotor's speed, kept at what was measured (< 0: none). edges (N + 1,), ticks
+    (T, 27): see `grid`. wind (3,) at 10 m, ENU, with the usual profile over the height; puff (3,) the same everywhere.
+    inertia (3,); arm (3,) of the inertial sensor. out (N, 7): mean specific force at the inertial sensor, change of
+    the node's mean rate and rotor speed against the node before, a second.
     """
     s = signals[0]
     v = geometry[0]
     spin = np.empty(3)
-    before = np.full(3, np.nan)
+    w = np.zeros(4)  # rate and rotor speed, integrated
+    mean = np.empty(4)
+    before = np.zeros(4)
     for n in range(len(edges) - 1):
         for k in range(7):
             out[n, k] = 0.0
+        mean[:] = 0.0
+        seen = 0.0
+        span = 0.0
         for i in range(edges[n], edges[n + 1]):
-            dt = t[i] - t[i - 1] if i > 0 else t[1] - t[0]
-            r = matrix(motion[i, 6:10])
-            share = mean_speed(motion[i, 2], 1.0)
-            ax = motion[i, 3] - share * wind[0] - puff[0]
-            ay = motion[i, 4] - share * wind[1] - puff[1]
-            az = motion[i, 5] - share * wind[2] - puff[2]
+            row = ticks[i]
+            dt = row[0]
+            ax = row[1] - row[15] * wind[0] - puff[0]
+            ay = row[2] - row[15] * wind[1] - puff[1]
+            az = row[3] - row[15] * wind[2] - puff[2]
             for axis in range(3):
-                s.velocity[axis] = r[0, axis] * ax + r[1, axis] * ay + r[2, axis] * az
-                s.rates[axis] = rates[i, axis]
-                s.up[axis] = r[2, axis]
-            s.height = motion[i, 2]
-            s.density = density_at(motion[i, 2], surface_pressure, surface_temperature)
+                s.velocity[axis] = row[4 + axis] * ax + row[7 + axis] * ay + row[10 + axis] * az
+                s.rates[axis] = row[16 + axis]
+                s.up[axis] = row[10 + axis]
+            s.height = row[13]
+            s.density = row[14]
             s.time += dt
-            s.collective, s.lateral, s.longitudinal, s.tail, s.throttle = (
-                controls[i, 0], controls[i, 1], controls[i, 2], controls[i, 3], controls[i, 4]
-            )  # fmt: skip
+            s.collective, s.lateral, s.longitudinal, s.tail, s.throttle = row[20], row[21], row[22], row[23], row[24]
             if held >= 0:
-                x[held] = rotor[i]
+                x[held] = row[19]
             else:
-                s.rotor_speed = rotor[i]
+                s.rotor_speed = row[19]
             run(kernels, spans, s, v, x, p, dt)
-            wx, wy, wz = rates[i, 0], rates[i, 1], rates[i, 2]
-            fx, fy, fz = s.force[0], s.force[1], s.force[2]
+            wx, wy, wz = row[16], row[17], row[18]
             mx = s.moment[0] - (inertia[2] - inertia[1]) * wy * wz
             my = s.moment[1] - (inertia[0] - inertia[2]) * wz * wx
             mz = s.moment[2] - (inertia[1] - inertia[0]) * wx * wy
             spin[0], spin[1], spin[2] = mx / inertia[0], my / inertia[1], mz / inertia[2]
             dot = wx * arm[0] + wy * arm[1] + wz * arm[2]
             square = wx * wx + wy * wy + wz * wz
-            ax = fx / s.mass + spin[1] * arm[2] - spin[2] * arm[1] + wx * dot - square * arm[0]
-            ay = fy / s.mass + spin[2] * arm[0] - spin[0] * arm[2] + wy * dot - square * arm[1]
-            az = fz / s.mass + spin[0] * arm[1] - spin[1] * arm[0] + wz * dot - square * arm[2]
-            if np.isnan(before[0]):
-                before[0], before[1], before[2] = ax, ay, az
-            # a sample of force is the mean since the last one, a sample of rate is of its instant
-            out[n, 0] += 0.5 * (before[0] + ax)
-            out[n, 1] += 0.5 * (before[1] + ay)
-            out[n, 2] += 0.5 * (before[2] + az)
-            before[0], before[1], before[2] = ax, ay, az
-            out[n, 3] += spin[0]
-            out[n, 4] += spin[1]
-            out[n, 5] += spin[2]
-            out[n, 6] += s.rotor_acceleration
-        count = max(edges[n + 1] - edges[n], 1)
-        for k in range(7):
-            out[n, k] /= count
+            out[n, 0] += dt * (s.force[0] / s.mass + spin[1] * arm[2] - spin[2] * arm[1] + wx * dot - square * arm[0])
+            out[n, 1] += dt * (s.force[1] / s.mass + spin[2] * arm[0] - spin[0] * arm[2] + wy * dot - square * arm[1])
+            out[n, 2] += dt * (s.force[2] / s.mass + spin[0] * arm[1] - spin[1] * arm[0] + wz * dot - square * arm[2])
+            span += dt
+            # a sample of force is a mean, one of rate is of its instant; a tachometer counts pulses over a time
+            mean[3] += dt * (w[3] + 0.5 * dt * s.rotor_acceleration)
+            w[3] += dt * s.rotor_acceleration
+            for k in range(3):
+                w[k] += dt * spin[k]
+                mean[k] += row[25] * (w[k] - row[26] * dt * spin[k])
+            seen += row[25]
+        span = max(span, 1e-9)
+        for k in range(3):
+            out[n, k] /= span
+            mean[k] /= max(seen, 1.0)
+        mean[3] /= span
+        for k in range(4):
+            out[n, 3 + k] = 0.0 if n == 0 else (mean[k] - before[k]) / span
+            before[k] = mean[k]
 
 
 @numba.njit(cache=True)
@@ -192,55 +186,37 @@ def innovations(model, measured, gust, step, keep, gust_std, process, noise, gai
     return total
 
 
-@dataclass(frozen=True, eq=False)
-class Drive:
-    """What drives the model along one flight: S inertial samples, N nodes."""
-
-    edges: NDArray[np.int64]  # (N + 1,)
-    t: Floats  # (S,)
-    motion: Floats  # (S, 10) position, velocity, quaternion
-    rates: Floats  # (S, 3) smoothed over a turn of the rotor
-    rotor: Floats  # (S,) [rad/s] smoothed
-    controls: Floats  # (S, 5)
-    arm: Floats  # (3,) of the inertial sensor
-    surface_pressure: float
-    surface_temperature: float
-
-
 def answer(
-    pipeline: Pipeline, parameters: Floats, mass: float, inertia: Floats, drive: Drive, wind: Floats, puff: Floats
-) -> Floats:
-    """The model's answer (N, 7) along a flight with these `parameters`; the pipeline itself is not touched."""
+    pipeline: Pipeline, parameters: Floats, geometry: NDArray[np.void], inertia: Floats, arm: Floats, grid: Grid,
+    wind: Floats, puff: Floats,
+) -> Floats:  # fmt: skip
+    """The model's answer (N, 7) along a grid with these `parameters`; the pipeline itself is not touched.
+
+    geometry (1,) GEOMETRY; inertia (3,) [kg m^2]; arm (3,) [m] of the inertial sensor; wind, puff (3,): see `along`.
+    """
+    first = grid.table[0]
     state = pipeline.state.copy()
     signals = np.zeros(1, dtype=SIGNALS)
     signals[0] = pipeline.signals()
     s = signals[0]
-    r = matrix(drive.motion[0, 6:10])
-    s["velocity"], s["up"] = r.T @ (drive.motion[0, 3:6] - wind), r[2]
-    s["height"] = drive.motion[0, 2]
-    s["density"] = density_at(drive.motion[0, 2], drive.surface_pressure, drive.surface_temperature)
-    s["rotor_speed"] = drive.rotor[0]
+    r = first[ROTATION : ROTATION + 9].reshape(3, 3)
+    s["velocity"], s["up"] = r.T @ (first[VELOCITY : VELOCITY + 3] - wind), r[2]
+    s["height"], s["density"], s["rotor_speed"] = first[HEIGHT], first[DENSITY], first[ROTOR]
     for k, name in enumerate(("collective", "lateral", "longitudinal", "tail", "throttle")):
-        s[name] = drive.controls[0, k]
-    geometry = np.zeros(1, dtype=GEOMETRY)
-    geometry[0] = pipeline.geometry
-    geometry[0]["mass"] = mass
+        s[name] = first[CONTROLS + k]
     held = pipeline.state_index("engine.speed")
     settle(
         pipeline.kernels, pipeline.spans, s, geometry[0], state, parameters, SETTLE_TICK, SETTLE_TICKS, held,
-        float(drive.rotor[0]),
+        float(first[ROTOR]),
     )  # fmt: skip
     for name in GROWING:
         index = pipeline.state_index(name)
         if index >= 0:
             state[index] = pipeline.state[index]
     s["time"] = 0.0
-    out = np.empty((len(drive.edges) - 1, 7))
+    out = np.empty((len(grid.edges) - 1, 7))
     along(
-        pipeline.kernels, pipeline.spans, signals, geometry, state, parameters, held, drive.edges, drive.t,
-        drive.motion, drive.rates, drive.rotor, drive.controls, wind, puff, inertia, drive.arm,
-        drive.surface_pressure, drive.surface_temperature, out,
+        pipeline.kernels, pipeline.spans, signals, geometry, state, parameters, held, grid.edges, grid.table, wind,
+        puff, inertia, arm, out,
     )  # fmt: skip
-    # what is measured is the mean of a node, so what lies between two is half of each
-    out[1:, 3:] = 0.5 * (out[1:, 3:] + out[:-1, 3:])
     return out

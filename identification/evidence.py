@@ -1,30 +1,24 @@
-"""From flights to the stack that hypotheses compete on."""
+"""One flight in linear form: innovations, and what every parameter does to them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.causes import CATALOGUE, Cause, Change, Parameter
-from identification.drive import Driven, Noise, drive
-from identification.flight import Flight
+from identification.causes import CATALOGUE, Cause, Change
+from identification.declared import declared, offsets
+from identification.drive import Driven, Noise, gust_slopes, judge
+from identification.flight import SETTLED, Flight
 from identification.model import Model
-from identification.stack import Rows, signatures
+from identification.stack import Rows
+from identification.whitening import sensor_signatures
 from sim.vehicle import Vehicle
 
 Floats = NDArray[np.float64]
 
-FORCE_FLOOR = 0.02  # [m/s^2] of offset that geometry and model leave open on any flight
-
-
-@dataclass(frozen=True, eq=False)
-class Evidence:
-    """One flight under one model, ready to be stacked with others."""
-
-    driven: Driven
-    rows: Rows
-    slopes: dict[str, Floats]  # by knob, (N, 7)
+DRIVEN = 100  # number of the first channel of the model's; below stand those of the sensors
+WIND_STEP = 0.5  # [m/s]
+WINDS = ("wind.e", "wind.n")
 
 
 def testable(vehicle: Vehicle, topics: set[str]) -> tuple[list[Cause], dict[str, list[str]]]:
@@ -50,73 +44,132 @@ def knob_slopes(
     return {key: (answer - base) / steps[key] for key, answer in zip(keys, found, strict=True)}
 
 
-def wind_slopes(model: Model, flight: Flight, wind: Floats, at: Mapping[str, float] | None = None) -> Floats:
-    """Derivative (N, 7, 2) of the answer by the wind at 10 m, east and north."""
-    still, steps = np.zeros(3), 0.5 * np.eye(3)[:2]
-    runs = model.answers(flight.drive, [(wind + sign * s, at or {}, still) for s in steps for sign in (1.0, -1.0)])
-    return np.stack([runs[0] - runs[1], runs[2] - runs[3]], axis=-1)
+def wind_slopes(model: Model, flight: Flight, wind: Floats) -> dict[str, Floats]:
+    """Derivative (N, 7) of the answer by the wind at 10 m, east and north."""
+    still, steps = np.zeros(3), WIND_STEP * np.eye(3)[:2]
+    runs = model.answers(flight.drive, [(wind + sign * s, {}, still) for s in steps for sign in (1.0, -1.0)])
+    return {name: (runs[2 * i] - runs[2 * i + 1]) / (2.0 * WIND_STEP) for i, name in enumerate(WINDS)}
 
 
-def gather(
-    model: Model, flight: Flight, causes: Sequence[Cause], noise: Noise, wind: Floats, wind_left: float
-) -> Evidence:
-    """Everything that one flight says, linear about the nominal model in a `wind` (3,) known to `wind_left` [m/s]."""
-    keys = {p.key for cause in causes if cause.changes is None for p in cause.parameters}
-    keys |= {knob.key for knob in model.toleranced}
-    driven = drive(model, flight, wind, noise)
-    slopes = knob_slopes(model, flight, wind, sorted(keys))
-    return whiten(model, driven, causes, noise, slopes, wind_slopes(model, flight, wind), wind_left)
+class Sheet:
+    """One flight under one model: what the model says, how it changes with every number, and all of it whitened."""
+
+    def __init__(self, model: Model, flight: Flight, causes: Sequence[Cause], keys: Sequence[str]) -> None:
+        """keys: of the knobs whose signatures are wanted."""
+        self.model, self.flight, self.keys = model, flight, list(keys)
+        nodes, scalars = len(flight.motion.t), len(flight.motion.kinds)
+        self.t: Floats = np.concatenate([flight.motion.times, np.repeat(flight.motion.t, 7)])
+        self.channel: NDArray[np.int64] = np.concatenate(
+            [flight.motion.kinds, DRIVEN + np.tile(np.arange(7), nodes)]
+        ).astype(np.int64)
+        self._late = self.t >= flight.motion.t[0] + SETTLED
+        self.spread = float(model.vehicle.document["environment"]["wind_std"]["value"])
+        self._sensors(causes, scalars, nodes)
+        self.wind: Floats = np.zeros(3)
+        self.columns: dict[str, Floats] = {}
+
+    def _sensors(self, causes: Sequence[Cause], scalars: int, nodes: int) -> None:
+        """What does not depend on the model: changes of the measurements, by key."""
+        flight, vehicle = self.flight, self.model.vehicle
+        changes: dict[str, Change] = {}
+        for cause in causes:
+            if cause.changes is not None:
+                found = cause.changes(flight, vehicle)
+                changes |= {p.key: change for p, change in zip(cause.parameters, found, strict=True)}
+        known, stand_off = declared(flight, vehicle), offsets(flight, vehicle)
+        changes |= {key: change for key, change, _ in known}
+        self.local_keys = [key for key, _, _ in (*known, *stand_off)]
+        self.local_std: Floats = np.array([self.spread, self.spread, *(std for _, _, std in (*known, *stand_off))])
+        self._measured = {key: np.zeros((nodes, 7)) for key in changes}
+        dz = np.zeros((scalars, len(changes)))
+        df, dw = np.zeros((nodes, 3, len(changes))), np.zeros((nodes, 3, len(changes)))
+        for c, (key, change) in enumerate(changes.items()):
+            if change.scalars is not None:
+                dz[:, c] = change.scalars
+            if change.force is not None:
+                df[:, :, c] = self._measured[key][:, :3] = change.force
+            if change.rate is not None:
+                dw[:, :, c] = self._measured[key][:, 3:6] = change.rate
+            if change.rotor is not None:
+                self._measured[key][:, 6] = change.rotor
+        m = flight.motion
+        above = sensor_signatures(m.way, m.rows, m.gains, m.answers, m.first, m.step, m.decay, dz, df, dw)
+        self._above = dict(zip(changes, above.T, strict=True))
+        for key, change, _ in stand_off:
+            self._measured[key] = np.zeros((nodes, 7))
+            self._measured[key][:, :3] = change.force
+
+    def linearise(self, at: Mapping[str, float] | None = None) -> None:
+        """Take all slopes anew, about the present wind."""
+        self.slopes = knob_slopes(self.model, self.flight, self.wind, self.keys, at)
+        self.relinearise_wind()
+
+    def relinearise_wind(self) -> None:
+        """Take what belongs to the air anew."""
+        self.by_wind = wind_slopes(self.model, self.flight, self.wind)
+        self.gust = gust_slopes(self.model, self.flight, self.wind)
+
+    def whiten(self, noise: Noise) -> None:
+        """Whiten everything under these noise levels."""
+        self.noise = noise
+        self._driven = self.driven({})
+        self.columns = self._columns(self.slopes | self.by_wind, self._measured)
+
+    def driven(self, changes: Mapping[str, float]) -> Driven:
+        """The model's answer with some knobs changed, and its innovations."""
+        answer = self.model.answer(self.flight.drive, self.wind, changes)
+        return judge(self.flight, self.wind, answer, self.gust, self.noise)
+
+    def refresh(self, keys: Sequence[str], at: Mapping[str, float]) -> None:
+        """Take the slopes of some knobs anew about a changed model."""
+        found = knob_slopes(self.model, self.flight, self.wind, keys, at)
+        self.slopes |= found
+        self.columns |= self._columns(found, {})
+
+    def _columns(self, model: Mapping[str, Floats], measured: Mapping[str, Floats]) -> dict[str, Floats]:
+        keys = [*model, *measured]
+        if not keys:
+            return {}
+        nodes, scalars = len(self.flight.motion.t), len(self.flight.motion.kinds)
+        nothing = np.zeros((nodes, 7))
+        # a model that answers more would expect more: its signature is what its answer lacks
+        answer = np.stack([*model.values(), *(nothing for _ in measured)], axis=-1)
+        seen = np.stack([*(nothing for _ in model), *measured.values()], axis=-1)
+        below = self._driven.whiten(-answer, self.noise, seen).reshape(7 * nodes, len(keys))
+        empty = np.zeros(scalars)
+        found = {}
+        for c, key in enumerate(keys):
+            column = np.concatenate([self._above.get(key, empty), below[:, c]])
+            column[~self._late] = 0.0
+            found[key] = column
+        return found
+
+    def residual(self, knobs: Mapping[str, float]) -> Floats:
+        """Whitened innovations (R,) with some knobs changed; zero where they do not count."""
+        driven = self._driven if not knobs else self.driven(knobs)
+        residual = np.concatenate([self.flight.motion.whitened, driven.residual.ravel()])
+        residual[~self._late] = 0.0
+        return residual
+
+    def rows(self, residual: Floats) -> Rows:
+        """The linear form about a residual."""
+        local = np.column_stack([self.columns[key] for key in (*WINDS, *self.local_keys)])
+        own = {key: c for key, c in self.columns.items() if key not in WINDS and key not in self.local_keys}
+        at = np.zeros(len(self.local_std))
+        at[:2] = self.wind[:2]
+        return Rows(residual, own, local, self.local_std, self.channel, self.t, at)
 
 
-def whiten(
-    model: Model, driven: Driven, causes: Sequence[Cause], noise: Noise, slopes: dict[str, Floats], by_wind: Floats,
-    wind_left: float,
-) -> Evidence:  # fmt: skip
-    """The rows of one flight from what was computed of the model."""
-    flight = driven.flight
-    changes: dict[str, Change] = {}
-    for cause in causes:
-        if cause.changes is not None:
-            found = cause.changes(flight, model.vehicle)
-            changes |= {p.key: change for p, change in zip(cause.parameters, found, strict=True)}
-    declared = {f"local.{p.key}": change for p, change, _ in _declared(flight, model.vehicle)}
-    nodes, scalars = len(flight.motion.t), len(flight.motion.kinds)
-    pushed = np.zeros((nodes, 7, 3))
-    for axis in range(3):
-        pushed[:, axis, axis] = 1.0
-    by_model = slopes | {f"wind.{a}": by_wind[:, :, i] for i, a in enumerate("en")}
-    every = signatures(driven, noise, by_model, changes | declared)
-    bias = driven.whiten(np.zeros_like(pushed), noise, pushed).reshape(7 * nodes, 3)
-    local = np.column_stack(
-        [
-            every.pop("wind.e"), every.pop("wind.n"), np.vstack([np.zeros((scalars, 3)), bias]),
-            *(every.pop(key) for key in declared),
-        ]
-    )  # fmt: skip
-    offset = np.hypot(model.vehicle.sensors["imu"].numbers["accel_bias_std"], FORCE_FLOOR)
-    residual = np.concatenate([flight.motion.whitened, driven.residual.ravel()])
-    times = np.concatenate([flight.motion.times, np.repeat(flight.motion.t, 7)])
-    channel = np.concatenate([flight.motion.kinds, 100 + np.tile(np.arange(7), nodes)])
-    early = times < flight.motion.t[0] + 1.0
-    residual[early] = 0.0
-    local[early] = 0.0
-    for column in every.values():
-        column[early] = 0.0
-    std = np.array([wind_left, wind_left, *[offset] * 3, *(std for _, _, std in _declared(flight, model.vehicle))])
-    return Evidence(driven, Rows(residual, every, local, std, channel, times), slopes)
-
-
-def _declared(flight: Flight, vehicle: Vehicle) -> list[tuple[Parameter, Change, float]]:
-    """What the inertial sensor's scale and mount may be off by on any one flight, as its maker declares."""
-    numbers = vehicle.sensors["imu"].numbers
-    found = []
-    for name, spread in (("imu_scale", ("accel_scale_std", "gyro_scale_std")), ("imu_misalignment", None)):
-        cause = CATALOGUE[name]
-        assert cause.changes is not None
-        for parameter, change in zip(cause.parameters, cause.changes(flight, vehicle), strict=True):
-            std = numbers["misalignment_std"] if spread is None else numbers[spread[parameter.name[0] == "w"]]
-            found.append((parameter, change, std))
-    return found
+def solve(rows: Rows, std: Mapping[str, float]) -> tuple[dict[str, float], Floats, Floats]:
+    """Everything free within these deviations: parameters, locals (L,) in all, and the residual (R,) that is left."""
+    keys = [key for key in rows.signatures if std.get(key, 0.0) > 0.0]
+    scale = np.concatenate([rows.local_std, [std[key] for key in keys]])
+    full = np.column_stack([rows.local, *(rows.signatures[key] for key in keys)]) * scale
+    whole = rows.residual + rows.local @ rows.at
+    solved = np.linalg.solve(np.eye(full.shape[1]) + full.T @ full, full.T @ whole)
+    count = len(rows.local_std)
+    values = dict(zip(keys, (scale * solved)[count:].tolist(), strict=True))
+    return values, scale[:count] * solved[:count], np.asarray(whole - full @ solved)
 
 
 def priors(model: Model, causes: Sequence[Cause]) -> tuple[dict[str, float], dict[str, float]]:
@@ -130,41 +183,3 @@ def priors(model: Model, causes: Sequence[Cause]) -> tuple[dict[str, float], dic
                 tolerances[p.key] = float(sensors[topic][name]["tolerance"])
     spreads = {p.key: max(p.spread, 3.0 * tolerances.get(p.key, 0.0)) for cause in causes for p in cause.parameters}
     return tolerances, spreads
-
-
-def unexplained(item: Evidence, tolerances: Mapping[str, float], spreads: Mapping[str, float]) -> Floats:
-    """What is left (R,) of a flight after everything that has a name was taken out."""
-    rows = item.rows
-    std = {key: max(tolerances.get(key, 0.0), spreads.get(key, 0.0)) for key in rows.signatures}
-    full = np.column_stack([rows.local * rows.local_std, *(rows.signatures[key] * std[key] for key in std)])
-    solved = np.linalg.solve(np.eye(full.shape[1]) + full.T @ full, full.T @ rows.residual)
-    return np.asarray(rows.residual - full @ solved)
-
-
-def winds(model: Model, flight: Flight, noise: Noise, spread: float) -> Floats:
-    """The mean wind (3,) [m/s] at 10 m that explains a flight best under the nominal model."""
-    wind = np.zeros(3)
-    for _ in range(3):
-        item = gather(model, flight, (), noise, wind, spread)
-        local = item.rows.local * item.rows.local_std
-        full = np.column_stack([local, *(item.rows.signatures[k.key] * k.tolerance for k in model.toleranced)])
-        solved = np.linalg.solve(np.eye(full.shape[1]) + full.T @ full, full.T @ item.rows.residual)
-        wind = wind + np.append(spread * solved[:2], 0.0)
-    return wind
-
-
-def refined(noise: Noise, evidence: Sequence[Evidence], left: Sequence[Floats]) -> Noise:
-    """Noise levels from what is `left` (R,) of each flight after everything was explained."""
-    factors = []
-    for k in range(7):
-        values = np.concatenate(
-            [part[item.rows.channel == 100 + k] for item, part in zip(evidence, left, strict=True)]
-        )
-        values = values[values != 0.0]
-        factors.append(float(np.median(np.abs(values))) / 0.6745 if len(values) > 40 else 1.0)
-    f = np.clip(factors, 0.2, 5.0)
-    return replace(
-        noise, noise=tuple(n * s for n, s in zip(noise.noise, f, strict=True)),
-        process=tuple(n * s for n, s in zip(noise.process, f, strict=True)),
-    )  # fmt: skip
-

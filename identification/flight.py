@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import convolve1d, uniform_filter1d
 
 from flightlog.atmosphere import SURFACE_PRESSURE, SURFACE_TEMPERATURE, density_at, pressure_at
 from flightlog.constants import GRAVITY, LAPSE_RATE
@@ -14,7 +13,7 @@ from flightlog.errors import UserError
 from flightlog.rotations import angles, quaternion
 from flightlog.tables import Table
 from identification import kinematics as k
-from identification.dynamics import Drive
+from identification.grid import Course, Drive, lay, smooth
 from sim.vehicle import Vehicle
 from sim.world import MAGNETIC_FIELD
 
@@ -26,6 +25,7 @@ NEEDED = ("imu", "controls", "rotor")
 CLEAR = 0.08  # [m] of the skids above the ground while a flight is looked at
 SETTLED = 1.0  # [s] until the filter knows where it is
 LEAST_SAMPLES = 40  # to take a noise level from
+TACH_SPAN = 0.1  # [s] over which the tachometer is smoothed
 CHI2_MEDIAN = 0.4549  # median of chi-square with one degree of freedom
 
 
@@ -95,14 +95,17 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
         raise UserError(f"{name}: {last * STEP:.1f} s in the air; at least 5 s would be right")
     motion, edges = _cut(motion, last), edges[: last + 1]
     speed = tables["rotor"]
-    turns = uniform_filter1d(np.asarray(speed["speed"], float), 5)
-    rotor = np.interp(imu_t, np.asarray(speed["t"]), turns)
-    rates = _over_a_turn(imu[:, 3:], _samples_a_turn(imu_t))
-    controls = _held(tables["controls"], imu_t)
-    drive = Drive(
-        edges, imu_t, samples, np.ascontiguousarray(rates), rotor, controls, vehicle.sensors["imu"].position,
-        pressure, temperature,
+    tach_t = np.asarray(speed["t"], float)
+    tach_step = float(np.median(np.diff(tach_t)))
+    turns = smooth(np.asarray(speed["speed"], float), max(2, round(TACH_SPAN / tach_step)))
+    sticks = np.nan_to_num(tables["controls"].stack("collective", "lateral", "longitudinal", "tail", "throttle"))
+    course = Course(
+        imu_t, samples, smooth(imu[:, 3:], _samples_a_turn(imu_t)),
+        np.interp(imu_t, tach_t - 0.5 * tach_step, turns),  # the mean since the sample before
+        np.asarray(tables["controls"]["t"], float), sticks,
     )  # fmt: skip
+    fine, coarse = (lay(course, edges, pressure, temperature, rough) for rough in (False, True))
+    drive = Drive(fine, coarse, vehicle.sensors["imu"].position, pressure, temperature)
     measured = np.full((last, 7), np.nan)
     sums = np.add.reduceat(imu[: edges[-1]], edges[:-1])
     measured[:, :6] = sums / np.diff(edges)[:, None]
@@ -120,13 +123,6 @@ def _means(t: Floats, values: Floats, marks: Floats) -> Floats:
     total = np.bincount(which[inside], values[inside], len(marks) - 1)
     count = np.bincount(which[inside], minlength=len(marks) - 1)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
-
-
-def _over_a_turn(values: Floats, samples: int) -> Floats:
-    """Mean over a turn of the rotor, centred to the sample: the ends count half."""
-    weights = np.ones(samples + 1)
-    weights[[0, -1]] = 0.5
-    return np.asarray(convolve1d(values, weights / weights.sum(), axis=0, mode="nearest"))
 
 
 def _samples_a_turn(t: Floats) -> int:
@@ -174,15 +170,6 @@ def _setup(vehicle: Vehicle) -> Floats:
     if "sonar" in vehicle.sensors:
         setup[4, 0] = vehicle.sensors["sonar"].numbers["beam_half_angle"]
     return setup
-
-
-def _held(table: Table, t: Floats) -> Floats:
-    """The controls (S, 5) in force during each sample's step, as they were sent."""
-    sent = np.asarray(table["t"], float)
-    before = np.concatenate([[t[0] - (t[1] - t[0])], t[:-1]])
-    index = np.clip(np.searchsorted(sent, before + 1e-9, side="right") - 1, 0, len(sent) - 1)
-    sticks = table.stack("collective", "lateral", "longitudinal", "tail", "throttle")
-    return np.ascontiguousarray(np.nan_to_num(sticks[index]))
 
 
 def _measurements(

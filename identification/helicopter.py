@@ -1,6 +1,7 @@
 """Helicopters: motion by the sensors, forces by the model along it."""
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +11,9 @@ from identification import evidence as ev
 from identification import kinematics as k
 from identification.bench import Baseline, Bench, Channel
 from identification.causes.contract import Cause
-from identification.drive import Noise, drive
+from identification.drive import Noise
 from identification.dynamics import CHANNELS, UNITS
+from identification.evidence import Sheet
 from identification.flight import Flight, prepare
 from identification.model import Model
 from identification.stack import Rows
@@ -24,7 +26,9 @@ START = Noise(
     noise=(0.05, 0.05, 0.05, 1e-3, 1e-3, 1e-3, 0.22),
 )  # fmt: skip
 ROUNDS = 3  # of the noise fit
-WIND_LEFT = 1.0  # [m/s] by which the mean wind may be off where the model was linearised
+WIND_ROUNDS = 2
+MAD = 0.6745  # median of the absolute value of a standard normal number
+LEAST = 40  # values to take a level from
 
 SCALAR_UNITS = {"gps": "m", "baro": "m", "sonar": "m", "mag": "uT", "pad": "m"}
 
@@ -48,32 +52,24 @@ class HelicopterBench:
             **{100 + i: Channel(name, unit) for i, (name, unit) in enumerate(zip(CHANNELS, UNITS, strict=True))},
         }
         self._describe()
-        self._slopes: dict[int, dict[str, Floats]] = {}  # by flight, of the last time they were taken
-        self._by_wind: dict[int, Floats] = {}
+        self.sheets = [Sheet(self.model, flight, self.causes, self._knob_keys) for flight in self.flights]
         noise: Noise = like.noise if like is not None else START
-        spread = float(vehicle.document["environment"]["wind_std"]["value"])
-        self.winds = [ev.winds(self.model, flight, noise, spread) for flight in self.flights]
+        for sheet in self.sheets:
+            self._find_wind(sheet, noise)
         self.noise: Noise = noise if like is not None else self._fit_noise()
-        self.baseline = Baseline(True, None)
+        self.baseline = self._judge()
 
     def rows(self, flight: int, changes: Mapping[str, float], fresh: Collection[str] = ()) -> Rows:
         """See `Bench.rows`."""
+        sheet = self.sheets[flight]
         knobs = {key: value for key, value in changes.items() if key in self.model.knobs}
-        item, wind = self.flights[flight], self.winds[flight]
-        driven = drive(self.model, item, wind, self.noise, knobs)
-        if flight not in self._slopes:
-            self._slopes[flight] = ev.knob_slopes(self.model, item, wind, self._knob_keys, knobs)
-            self._by_wind[flight] = ev.wind_slopes(self.model, item, wind, knobs)
-        elif fresh:
-            wanted = [key for key in self._knob_keys if key in fresh]
-            self._slopes[flight] |= ev.knob_slopes(self.model, item, wind, wanted, knobs)
-        found = ev.whiten(
-            self.model, driven, self.causes, self.noise, self._slopes[flight], self._by_wind[flight], WIND_LEFT
-        ).rows
-        residual = found.residual
+        wanted = [key for key in self._knob_keys if key in fresh]
+        if wanted:
+            sheet.refresh(wanted, knobs)
+        residual = sheet.residual(knobs)
         for key in changes.keys() - knobs.keys():  # what a sensor adds is linear
-            residual = residual - found.signatures[key] * (changes[key] - self.nominal[key])
-        return Rows(residual, found.signatures, found.local, found.local_std, found.channel, found.t)
+            residual = residual - sheet.columns[key] * (changes[key] - self.nominal[key])
+        return sheet.rows(residual)
 
     def bounded(self, key: str, value: float) -> float:
         """See `Bench.bounded`."""
@@ -100,17 +96,52 @@ class HelicopterBench:
             return float(self.vehicle.sensors[topic].numbers.get(name, declared))
         return declared
 
+    def _find_wind(self, sheet: Sheet, noise: Noise) -> None:
+        """The mean wind that explains a flight best under the nominal model; all slopes are taken there."""
+        sheet.linearise()
+        for _ in range(WIND_ROUNDS):
+            sheet.whiten(noise)
+            _, local, _ = ev.solve(sheet.rows(sheet.residual({})), self.tolerances)
+            sheet.wind = np.array([*local[:2], 0.0])
+            sheet.relinearise_wind()
+        sheet.linearise()
+
     def _fit_noise(self) -> Noise:
         """Noise levels from what is left after everything that has a name was taken out."""
         noise = START
+        wide = {key: max(self.tolerances.get(key, 0.0), self.spreads.get(key, 0.0)) for key in self.nominal}
         for _ in range(ROUNDS):
-            found = [
-                ev.gather(self.model, flight, self.causes, noise, wind, WIND_LEFT)
-                for flight, wind in zip(self.flights, self.winds, strict=True)
-            ]
-            left = [ev.unexplained(item, self.tolerances, self.spreads) for item in found]
-            noise = ev.refined(noise, found, left)
+            left = []
+            for sheet in self.sheets:
+                sheet.whiten(noise)
+                left.append(ev.solve(sheet.rows(sheet.residual({})), wide)[2])
+            noise = refined(noise, [sheet.channel for sheet in self.sheets], left)
+        for sheet in self.sheets:
+            sheet.whiten(noise)
         return noise
+
+    def _judge(self) -> Baseline:
+        names = [channel.name for number, channel in sorted(self.channels.items()) if number >= ev.DRIVEN]
+        levels = {
+            name: (level, UNITS[i]) for i, (name, level) in enumerate(zip(names, self.noise.noise, strict=True))
+        }
+        winds = np.mean([sheet.wind for sheet in self.sheets], axis=0)
+        air = {"wind_e": float(winds[0]), "wind_n": float(winds[1]), "gust_std": float(self.noise.gust_std[0])}
+        return Baseline(True, None, levels, air)
+
+
+def refined(noise: Noise, channels: Sequence[NDArray[np.int64]], left: Sequence[Floats]) -> Noise:
+    """Noise levels from what is `left` (R,) of each flight after everything was explained."""
+    factors = []
+    for i in range(7):
+        values = np.concatenate([part[c == ev.DRIVEN + i] for c, part in zip(channels, left, strict=True)])
+        values = values[values != 0.0]
+        factors.append(float(np.median(np.abs(values))) / MAD if len(values) > LEAST else 1.0)
+    f = np.clip(factors, 0.2, 5.0)
+    return replace(
+        noise, noise=tuple(n * s for n, s in zip(noise.noise, f, strict=True)),
+        process=tuple(n * s for n, s in zip(noise.process, f, strict=True)),
+    )  # fmt: skip
 
 
 def open_bench(

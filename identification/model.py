@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightlog.units import to_si
-from identification.dynamics import Drive, answer
+from identification.dynamics import answer
+from identification.grid import Drive
 from sim.pipeline import Pipeline
 from sim.terms import CATALOGUE
+from sim.terms.contract import GEOMETRY
 from sim.vehicle import Vehicle
 
 Floats = NDArray[np.float64]
@@ -30,10 +32,21 @@ NEUTRAL: Mapping[str, Mapping[str, float]] = {
     "cg_offset": {"x": 0.0, "y": 0.0, "z": 0.0},
 }
 
+# numbers of the vehicle file beside its terms, and where they stand: fields of GEOMETRY, and the sensor's arm
+GEOMETRIC: Mapping[str, str] = {
+    "mass": "mass",
+    "rotor.radius": "rotor_radius",
+    "rotor.solidity": "rotor_solidity",
+    "rotor.nominal_speed": "nominal_speed",
+    **{f"rotor.hub.{i}": f"hub.{i}" for i in range(3)},
+    **{f"tail_rotor.hub.{i}": f"tail_hub.{i}" for i in range(3)},
+    **{f"sensors.imu.position.{i}": f"arm.{i}" for i in range(3)},
+}
+
 
 @dataclass(frozen=True)
 class Knob:
-    """One number of the model: `mass`, `inertia.0` or `terms.<term>.<parameter>`."""
+    """One number of the model: `inertia.0`, `terms.<term>.<parameter>`, or one of GEOMETRIC."""
 
     key: str
     unit: str
@@ -69,35 +82,49 @@ class Model:
         return [knob for knob in self.knobs.values() if knob.tolerance > 0.0]
 
     def answer(
-        self, drive: Drive, wind: Floats, changes: Mapping[str, float] | None = None, puff: Floats = STILL
+        self,
+        drive: Drive,
+        wind: Floats,
+        changes: Mapping[str, float] | None = None,
+        puff: Floats = STILL,
+        coarse: bool = False,
     ) -> Floats:
         """The model's answer (N, 7) along a flight, with some numbers changed [SI].
 
-        wind (3,) [m/s] ENU at 10 m with its profile; puff (3,) the same at every height.
+        wind (3,) [m/s] ENU at 10 m with its profile; puff (3,) the same at every height; coarse: in long steps, for
+        derivatives.
         """
-        pipeline, inertia = self._pipeline, self.vehicle.inertia.copy()
-        parameters, mass = pipeline.parameters.copy(), float(pipeline.geometry["mass"])
+        pipeline, inertia, arm = self._pipeline, self.vehicle.inertia.copy(), drive.arm.copy()
+        parameters = pipeline.parameters.copy()
+        geometry = np.zeros(1, dtype=GEOMETRY)
+        geometry[0] = pipeline.geometry
         for key, value in (changes or {}).items():
-            if key == "mass":
-                mass = value
-            elif key.startswith("inertia."):
-                inertia[int(key[-1])] = value
-            else:
+            field, _, axis = GEOMETRIC.get(key, key).partition(".")
+            if key in self._places:
                 parameters[self._places[key]] = value
-        return answer(pipeline, parameters, mass, inertia, drive, wind, puff)
+            elif field == "inertia":
+                inertia[int(axis)] = value
+            elif field == "arm":
+                arm[int(axis)] = value
+            elif axis:
+                geometry[0][field][int(axis)] = value
+            else:
+                geometry[0][field] = value
+        return answer(
+            pipeline, parameters, geometry, inertia, arm, drive.coarse if coarse else drive.fine, wind, puff
+        )
 
     def answers(
         self, drive: Drive, runs: Sequence[tuple[Floats, Mapping[str, float], Floats]]
     ) -> list[Floats]:
-        """Many answers (N, 7) along one flight, each for its (wind, changes, puff), on all cores."""
+        """Many answers (N, 7) in long steps, each for its (wind, changes, puff), on all cores."""
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            return list(pool.map(lambda run: self.answer(drive, run[0], run[1], run[2]), runs))
+            return list(pool.map(lambda run: self.answer(drive, run[0], run[1], run[2], coarse=True), runs))
 
     def _knobs(self) -> Sequence[Knob]:
         document = self.vehicle.document
-        mass = float(self.vehicle.geometry["mass"])
-        knobs = [Knob("mass", "kg", mass, _tolerance(document, "mass", "kg"), 0.01 * mass, 0.1 * mass, 10.0 * mass)]
-        spread = _tolerance(document, "inertia", "kg m^2")
+        knobs = [*self._geometric()]
+        spread = tolerance_of(document, "inertia", "kg m^2")
         for axis, value in enumerate(self.vehicle.inertia.tolist()):
             of_axis = spread[axis] if isinstance(spread, list) else spread
             knobs.append(Knob(f"inertia.{axis}", "kg m^2", value, of_axis, 0.02 * value, 0.1 * value, 10.0 * value))
@@ -105,11 +132,36 @@ class Model:
             for p in term.parameters:
                 key = f"terms.{term.name}.{p.name}"
                 value = self._parameters[term.name][p.name]
-                tolerance = _tolerance(document, key, p.unit)
+                tolerance = tolerance_of(document, key, p.unit)
                 step = STEPS.get(key) or tolerance or 0.02 * abs(value)
                 if step > 0.0:
                     knobs.append(Knob(key, p.unit, value, tolerance, step, p.low, p.high))
         return knobs
+
+    def _geometric(self) -> Sequence[Knob]:
+        document, geometry = self.vehicle.document, self.vehicle.geometry
+        mass, solidity = float(geometry["mass"]), float(geometry["rotor_solidity"])
+        radius, speed = float(geometry["rotor_radius"]), float(geometry["nominal_speed"])
+        chord = tolerance_of(document, "rotor.chord", "m") / (np.pi * radius * solidity) * document["rotor"]["blades"]
+        vectors = {
+            "rotor.hub": geometry["hub"], "tail_rotor.hub": geometry["tail_hub"],
+            "sensors.imu.position": self.vehicle.sensors["imu"].position,
+        }  # fmt: skip
+        return [
+            Knob("mass", "kg", mass, tolerance_of(document, "mass", "kg"), 0.01 * mass, 0.1 * mass, 10.0 * mass),
+            _share("rotor.radius", "m", radius, tolerance_of(document, "rotor.radius", "m")),
+            _share("rotor.solidity", "1", solidity, float(chord) * solidity),
+            _share("rotor.nominal_speed", "rad/s", speed, tolerance_of(document, "rotor.nominal_speed", "rad/s")),
+            *(
+                Knob(f"{key}.{i}", "m", float(vector[i]), tolerance_of(document, key, "m"), 0.005, -10.0, 10.0)
+                for key, vector in vectors.items()
+                for i in range(3)
+            ),
+        ]
+
+
+def _share(key: str, unit: str, value: float, tolerance: float) -> Knob:
+    return Knob(key, unit, value, tolerance, 0.01 * value, 0.5 * value, 2.0 * value)
 
 
 # [SI] for the derivative by a number whose nominal value is nothing, or whose effect is rough
@@ -126,7 +178,7 @@ STEPS = {
 }
 
 
-def _tolerance(document: Mapping[str, Any], dotted: str, unit: str) -> Any:
+def tolerance_of(document: Mapping[str, Any], dotted: str, unit: str) -> Any:
     """A number's tolerance in SI; 0 where the file declares none."""
     entry: Any = document
     for part in dotted.split("."):

@@ -13,13 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from identification.causes.contract import Change
-from identification.drive import Driven, Noise
-from identification.whitening import sensor_signatures
-
 Floats = NDArray[np.float64]
-
-WARM_UP = 1.0  # [s] at the start of a flight, when the filters do not know where they are
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,39 +26,12 @@ class Rows:
     local_std: Floats  # (L,)
     channel: NDArray[np.int64]  # (R,) of identification.channels
     t: Floats  # (R,)
+    local_at: Floats | None = None  # (L,) of the local ones, where the residual was taken; None: nothing
 
-
-def signatures(
-    driven: Driven, noise: Noise, model: Mapping[str, Floats], changes: Mapping[str, Change]
-) -> dict[str, Floats]:
-    """Whitened signature (M + 7 N,) of every parameter of the model (N, 7), and of every change of measurements."""
-    motion = driven.flight.motion
-    nodes, scalars = len(motion.t), len(motion.kinds)
-    keys = [*model, *changes]
-    answer, measured = np.zeros((nodes, 7, len(keys))), np.zeros((nodes, 7, len(keys)))
-    for c, slope in enumerate(model.values()):
-        answer[:, :, c] = slope
-    first = len(model)
-    dz = np.zeros((scalars, len(changes)))
-    df, dw = np.zeros((nodes, 3, len(changes))), np.zeros((nodes, 3, len(changes)))
-    for c, change in enumerate(changes.values()):
-        if change.scalars is not None:
-            dz[:, c] = change.scalars
-        if change.force is not None:
-            df[:, :, c] = measured[:, :3, first + c] = change.force
-        if change.rate is not None:
-            dw[:, :, c] = measured[:, 3:6, first + c] = change.rate
-        if change.rotor is not None:
-            measured[:, 6, first + c] = change.rotor
-    # a model that answers more would expect more: its signature is what its answer lacks
-    below = driven.whiten(-answer, noise, measured).reshape(7 * nodes, len(keys))
-    above = np.zeros((scalars, len(keys)))
-    if changes:
-        above[:, first:] = sensor_signatures(
-            motion.way, motion.rows, motion.gains, motion.answers, motion.first, motion.step, motion.decay, dz, df, dw
-        )
-    whole = np.concatenate([above, below])
-    return {key: whole[:, c] for c, key in enumerate(keys)}
+    @property
+    def at(self) -> Floats:
+        """(L,) the same, zeros where nothing."""
+        return np.zeros(len(self.local_std)) if self.local_at is None else self.local_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,12 +58,14 @@ def stack(flights: Sequence[Rows], keys: Sequence[str]) -> Stack:
     for item in flights:
         j = np.column_stack([item.signatures[key] for key in keys])
         scaled = item.local * item.local_std
+        # the prior of the local ones stands about nothing: as if the residual had been taken there
+        residual = item.residual + item.local @ item.at
         inner = np.eye(scaled.shape[1]) + scaled.T @ scaled
         factor = cho_factor(inner)
-        cross, pull = scaled.T @ j, scaled.T @ item.residual
+        cross, pull = scaled.T @ j, scaled.T @ residual
         information += j.T @ j - cross.T @ cho_solve(factor, cross)
-        score += j.T @ item.residual - cross.T @ cho_solve(factor, pull)
-        square += float(item.residual @ item.residual - pull @ cho_solve(factor, pull))
+        score += j.T @ residual - cross.T @ cho_solve(factor, pull)
+        square += float(residual @ residual - pull @ cho_solve(factor, pull))
         log_local -= float(np.log(np.diag(factor[0])).sum())
         rows += int(np.count_nonzero(item.residual))
     return Stack(tuple(keys), information, score, square, log_local, rows)

@@ -1,0 +1,58 @@
+"""What a flight's sensors may be off by without anything being wrong, beside what the filter's own states hold."""
+
+import numpy as np
+
+from identification import kinematics as k
+from identification.causes import CATALOGUE, Change
+from identification.flight import Flight
+from identification.model import tolerance_of
+from identification.views import scalars
+from sim.vehicle import Vehicle
+
+FORCE_FLOOR = 0.02  # [m/s^2] of offset that geometry and model leave open on any flight
+
+
+def declared(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]:
+    """Key, effect of one unit, and standard deviation of each."""
+    return [*_inertial(flight, vehicle), *_places(flight, vehicle)]
+
+
+def offsets(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]:
+    """Bias of the force as the model meets it.
+
+    The filter of the motion has it as a state and its innovations are free of it already.
+    """
+    numbers = vehicle.sensors["imu"].numbers
+    found = []
+    for axis in range(3):
+        column = np.zeros((len(flight.motion.t), 3))
+        column[:, axis] = 1.0
+        std = float(np.hypot(numbers["accel_bias_std"], FORCE_FLOOR))
+        found.append((f"local.force_{axis}", Change(force=column), std))
+    return found
+
+
+def _inertial(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]:
+    """Scale and turn of the inertial sensor."""
+    numbers = vehicle.sensors["imu"].numbers
+    found = []
+    for name, of in (("imu_scale", ("accel_scale_std", "gyro_scale_std")), ("imu_misalignment", None)):
+        cause = CATALOGUE[name]
+        assert cause.changes is not None
+        for parameter, change in zip(cause.parameters, cause.changes(flight, vehicle), strict=True):
+            std = numbers["misalignment_std"] if of is None else numbers[of[parameter.name[0] == "w"]]
+            found.append((f"local.{parameter.key}", change, std))
+    return found
+
+
+def _places(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]:
+    """Where ranger and camera are mounted."""
+    found = []
+    if (flight.motion.kinds == k.SONAR).any():
+        spread = float(tolerance_of(vehicle.document, "sensors.sonar.position", "m"))
+        found.append(("local.sonar.position", Change(scalars(flight, (k.SONAR, 1.0))), spread))
+    if (flight.motion.kinds == k.PAD).any():
+        spread = float(tolerance_of(vehicle.document, "cameras.down.position", "m"))
+        for axis in range(3):
+            found.append((f"local.down.position_{axis}", Change(scalars(flight, (k.PAD + axis, 1.0))), spread))
+    return found

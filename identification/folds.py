@@ -1,0 +1,122 @@
+"""Linear prediction of rows that were not fitted.
+
+About one expansion point every hypothesis is r = J theta + L lambda + e, e ~ N(0, 1): theta shared by all flights,
+lambda a flight's own. What the fitted units leave of theta and lambda is the prior under which the held-out unit is
+judged. The expansion point itself is that of the fit to everything, which a fold moves from by a fraction of a standard
+deviation; the model is not run again.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.stack import Rows
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LEAST_STD = 1e-12  # of a number that is known
+
+
+@dataclass(frozen=True, eq=False)
+class Unit:
+    """What is held out together: some rows of one flight."""
+
+    flight: int
+    rows: Mask  # (R,)
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """One unit as predicted from the others."""
+
+    log_likelihood: float  # up to what all hypotheses share
+    residual: Floats  # (R of the unit,) what is left once the flight's own unknowns were fitted to it
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """Flights about one expansion point, and how free each shared number is."""
+
+    flights: Sequence[Rows]
+    std: Mapping[str, float]  # by key, of its prior; > 0
+    shift: Mapping[str, float]  # by key, expansion point less nominal value
+
+    def __post_init__(self) -> None:
+        for key, std in self.std.items():
+            if not std > LEAST_STD:
+                raise ValueError(f"{key}: prior's standard deviation must be more than 0 (got {std})")
+
+    def design(self, unit: Unit) -> tuple[Floats, Floats]:
+        """(R, K + L) in units of the priors, and the residual (R,) that the nominal values would leave."""
+        rows = self.flights[unit.flight]
+        shared = np.column_stack(
+            [rows.signatures[key][unit.rows] for key in self.std] or [np.zeros((unit.rows.sum(), 0))]
+        )
+        moved = np.array([self.shift.get(key, 0.0) for key in self.std])
+        residual = rows.residual[unit.rows] + shared @ moved
+        scaled = shared * np.array(list(self.std.values()))
+        return np.hstack([scaled, rows.local[unit.rows] * rows.local_std]), residual
+
+
+def predict(hypothesis: Hypothesis, units: Sequence[Unit], held: int, test: Hypothesis | None = None) -> Held:
+    """The unit `held` from all others of `units`; with `test`, a unit of that hypothesis' flights from all of `units`.
+
+    Raises ValueError where test and training do not share their numbers.
+    """
+    k = len(hypothesis.std)
+    other = test if test is not None else hypothesis
+    if list(other.std) != list(hypothesis.std):
+        raise ValueError("test and training must have the same free numbers")
+    unit = units[held] if test is None else Unit(held, np.ones(len(test.flights[held].residual), bool))
+    own = len(other.flights[unit.flight].local_std)
+    precision, pull = np.eye(k + own), np.zeros(k + own)
+    by_flight: dict[int, list[tuple[Floats, Floats]]] = {}
+    for i, item in enumerate(units):
+        if test is None and i == held:
+            continue
+        x, r = hypothesis.design(item)
+        by_flight.setdefault(item.flight, []).append((x.T @ x, x.T @ r))
+    for flight, parts in by_flight.items():
+        a, b = (np.sum([part[i] for part in parts], axis=0) for i in range(2))
+        if test is None and flight == unit.flight:
+            precision += a
+            pull += b
+            continue
+        inner = np.eye(a.shape[0] - k) + a[k:, k:]  # the other flight's own unknowns leave
+        solved = np.linalg.solve(inner, np.column_stack([a[k:, :k], b[k:]]))
+        precision[:k, :k] += a[:k, :k] - a[:k, k:] @ solved[:, :k]
+        pull[:k] += b[:k] - a[:k, k:] @ solved[:, k]
+    mean = np.linalg.solve(precision, pull)
+    x, r = other.design(unit)
+    error = r - x @ mean
+    after = precision + x.T @ x
+    back = x.T @ error
+    likelihood = -0.5 * (_log_det(after) - _log_det(precision) + error @ error - back @ np.linalg.solve(after, back))
+    local = x[:, k:]
+    moved = np.linalg.solve(precision[k:, k:] + local.T @ local, local.T @ error)
+    return Held(float(likelihood), error - local @ moved)
+
+
+def fitted(hypothesis: Hypothesis, unit: Unit) -> Floats:
+    """(R,) what is left of a unit when everything free is fitted to itself."""
+    x, r = hypothesis.design(unit)
+    return np.asarray(r - x @ np.linalg.solve(np.eye(x.shape[1]) + x.T @ x, x.T @ r))
+
+
+def fifths(rows: Rows, count: int = 5) -> list[Unit]:
+    """Contiguous stretches of equal length of a single flight."""
+    edges = np.linspace(rows.t.min(), rows.t.max(), count + 1)
+    which = np.clip(np.searchsorted(edges, rows.t, side="right") - 1, 0, count - 1)
+    return [Unit(0, which == i) for i in range(count)]
+
+
+def whole(flights: Sequence[Rows]) -> list[Unit]:
+    """Each flight as a unit."""
+    return [Unit(i, np.ones(len(rows.residual), bool)) for i, rows in enumerate(flights)]
+
+
+def _log_det(matrix: Floats) -> float:
+    return float(np.linalg.slogdet(matrix)[1])

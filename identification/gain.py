@@ -1,0 +1,221 @@
+"""What the extension is worth on data that it was not fitted to.
+
+Three models are held against the same rows: nothing wrong (everything toleranced is free within its tolerance), the
+causes asserted, and everything free at once, which is what a fit of all parameters without a question about causes
+comes to. Flights handed in for it are judged if there are any; else each flight by the others; else each fifth of the
+only one by the other four.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.bench import Bench
+from identification.diagnosis import Diagnosis
+from identification.folds import Held, Hypothesis, Unit, fifths, fitted, predict, whole
+from identification.refit import Refit
+from identification.search import Names
+from identification.stack import Rows
+from identification.verdict import CauseGain, ChannelError
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+BLOCK = 2.0  # [s] rows resampled together: several times what the filters remember of an innovation
+DRAWS = 400
+LEVEL = (2.5, 97.5)  # [%]
+HIDDEN = 0.02  # of the mean square: an excess over the floor smaller than this is none
+
+
+@dataclass(frozen=True)
+class ChannelGain:
+    """One channel on held-out rows: root mean squares of what each model leaves, in `unit`."""
+
+    channel: str
+    unit: str
+    before: float
+    after: float
+    everything: float  # with every parameter fitted
+    floor: float  # with every parameter fitted to these very rows
+    ratio_ci95: tuple[float, float]  # of after over before
+    log_likelihood: float  # [nats] gained
+    log_likelihood_ci95: tuple[float, float]
+    rows: int
+
+    @property
+    def share_of_explainable(self) -> float:
+        """Of the excess of the mean square over the floor, what the causes take out."""
+        excess = self.before**2 - self.floor**2
+        if excess <= HIDDEN * self.before**2:
+            return 0.0
+        return (self.before**2 - self.after**2) / excess
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """Held-out residuals of one flight, in standard deviations of the innovations."""
+
+    flight: str
+    channel: Ints  # (R,)
+    t: Floats  # (R,) [s]
+    before: Floats  # (R,)
+    after: Floats  # (R,)
+    everything: Floats  # (R,)
+    floor: Floats  # (R,)
+
+
+@dataclass(frozen=True, eq=False)
+class Gain:
+    """Held-out figures."""
+
+    how: str  # in words
+    flights: int
+    channels: Sequence[ChannelGain]
+    log_likelihood: float  # [nats] the causes over nothing
+    log_likelihood_ci95: tuple[float, float]
+    over_everything: float  # [nats] the causes over the fit of all parameters
+    residuals: Sequence[Residuals]
+
+    @property
+    def holds(self) -> bool:
+        """Whether the held-out likelihood rises for sure."""
+        return self.log_likelihood_ci95[0] > 0.0
+
+    def best(self) -> ChannelGain | None:
+        """The channel in which most is gained."""
+        return max(self.channels, key=lambda c: c.log_likelihood, default=None)
+
+    def errors(self) -> list[ChannelError]:
+        """As the verdict has it."""
+        return [ChannelError(c.channel, c.unit, c.before, c.after, c.floor, True) for c in self.channels]
+
+
+def measure(diagnosis: Diagnosis, heldout: Bench | None = None, seed: int = 0) -> Gain:
+    """Judge what was asserted on rows that it was not fitted to; `heldout`: a bench of other flights."""
+    return compare(diagnosis, (), diagnosis.causes, heldout, seed)
+
+
+def of_each(diagnosis: Diagnosis, heldout: Bench | None = None) -> dict[str, CauseGain]:
+    """By asserted cause, what it adds to all the others where it adds most."""
+    found = {}
+    for name in diagnosis.causes:
+        rest = tuple(n for n in diagnosis.causes if n != name)
+        best = compare(diagnosis, rest, diagnosis.causes, heldout, 0).best()
+        if best is not None and best.before > 0.0:
+            found[name] = CauseGain(best.channel, 1.0 - best.after / best.before, best.share_of_explainable)
+    return found
+
+
+def compare(diagnosis: Diagnosis, before: Names, after: Names, heldout: Bench | None, seed: int) -> Gain:
+    """One set of causes against another."""
+    bench, search = diagnosis.bench, diagnosis.search
+    old, new = search.fit(before), search.fit(after)
+    first = _hypothesis(bench, old, _free(bench, before))
+    same = old is new
+    second = first if same else _hypothesis(bench, new, _free(bench, after))
+    every = Hypothesis(second.flights, _free(bench, [c.name for c in bench.causes]), second.shift)
+    tests: list[Hypothesis | None] = [None, None, None]
+    if heldout is not None:
+        one = _hypothesis(heldout, old, first.std)
+        two = one if same else _hypothesis(heldout, new, second.std)
+        tests = [one, two, Hypothesis(two.flights, every.std, second.shift)]
+    how, units = _units(first.flights, heldout, bench)
+    judged = heldout if heldout is not None else bench
+    count = len(units) if heldout is None else len(heldout.names)
+    held = [[predict(h, units, i, t) for i in range(count)] for h, t in zip((first, second, every), tests, strict=True)]
+    target = tests[2] if tests[2] is not None else every
+    held_units = units if heldout is None else whole(target.flights)
+    floors = [fitted(target, unit) for unit in held_units]
+    residuals = _residuals(judged, target.flights, held_units, held, floors)
+    channels, draws = _channels(judged, residuals, np.random.default_rng(seed))
+    total = [sum(item.log_likelihood for item in one) for one in held]
+    return Gain(
+        how=how, flights=len(judged.names), channels=channels, log_likelihood=total[1] - total[0],
+        log_likelihood_ci95=_ci(draws + (total[1] - total[0] - float(np.mean(draws)))),
+        over_everything=total[1] - total[2], residuals=residuals,
+    )  # fmt: skip
+
+
+def _free(bench: Bench, names: Sequence[str]) -> dict[str, float]:
+    """Prior standard deviation of every number that is free when these causes may be at work."""
+    own = {p.key for cause in bench.causes if cause.name in names for p in cause.parameters}
+    free = dict(bench.tolerances) | {key: bench.spreads[key] for key in own}
+    return {key: free[key] for key in sorted(free) if free[key] > 0.0}
+
+
+def _hypothesis(bench: Bench, fit: Refit, std: Mapping[str, float]) -> Hypothesis:
+    flights = [bench.rows(i, fit.at) for i in range(len(bench.names))]
+    return Hypothesis(flights, dict(std), {key: value - bench.nominal[key] for key, value in fit.at.items()})
+
+
+def _units(flights: Sequence[Rows], heldout: Bench | None, bench: Bench) -> tuple[str, list[Unit]]:
+    if heldout is not None:
+        return f"{len(heldout.names)} other flight(s), fitted to {len(bench.names)}", whole(flights)
+    if len(flights) > 1:
+        return f"each of {len(flights)} flights by the others", whole(flights)
+    return "each fifth of the flight by the other four", fifths(flights[0])
+
+
+def _residuals(
+    bench: Bench,
+    flights: Sequence[Rows],
+    units: Sequence[Unit],
+    held: Sequence[Sequence[Held]],
+    floors: Sequence[Floats],
+) -> list[Residuals]:
+    """What each model leaves, put back in order flight by flight."""
+    found = []
+    for i, name in enumerate(bench.names):
+        rows = flights[i]
+        columns = np.zeros((4, len(rows.residual)))
+        for u, unit in enumerate(units):
+            if unit.flight == i:
+                columns[:, unit.rows] = [held[0][u].residual, held[1][u].residual, held[2][u].residual, floors[u]]
+        used = rows.residual != 0.0  # neither left out nor before the filters had settled
+        found.append(Residuals(name, rows.channel[used], rows.t[used], *columns[:, used]))
+    return found
+
+
+def _channels(
+    bench: Bench, residuals: Sequence[Residuals], rng: np.random.Generator
+) -> tuple[list[ChannelGain], Floats]:
+    """Every channel, and draws (DRAWS,) of the sum of their gains; blocks of time are resampled, all channels alike."""
+    blocks = [np.floor((item.t - item.t.min()) / BLOCK).astype(int) for item in residuals]
+    first = np.cumsum([0, *(int(b.max()) + 1 for b in blocks)])
+    block = np.concatenate([b + f for b, f in zip(blocks, first, strict=False)])
+    channel, before, after, every, floor = (
+        np.concatenate([getattr(item, name) for item in residuals])
+        for name in ("channel", "before", "after", "everything", "floor")
+    )
+    weights = rng.multinomial(first[-1], np.full(first[-1], 1.0 / first[-1]), DRAWS)  # (DRAWS, blocks)
+    found, total = [], np.zeros(DRAWS)
+    for number, about in bench.channels.items():
+        at = channel == number
+        if not at.any():
+            continue
+        sums = [np.bincount(block[at], values[at] ** 2, first[-1]) for values in (before, after)]
+        drawn = [weights @ s for s in sums]
+        gains = 0.5 * (drawn[0] - drawn[1])
+        total += gains
+        scale, unit = bench.baseline.noise.get(about.name, (1.0, "std"))
+        rms = [scale * float(np.sqrt(np.mean(values[at] ** 2))) for values in (before, after, every, floor)]
+        ratio = np.sqrt(drawn[1] / np.maximum(drawn[0], 1e-300))
+        found.append(
+            ChannelGain(
+                about.name,
+                unit,
+                *rms,
+                _ci(ratio),
+                0.5 * float(sums[0].sum() - sums[1].sum()),
+                _ci(gains),
+                int(at.sum()),
+            )
+        )
+    return found, total
+
+
+def _ci(draws: Floats) -> tuple[float, float]:
+    low, high = np.percentile(draws, LEVEL)
+    return float(low), float(high)

@@ -1,0 +1,79 @@
+"""What a diagnosis reads: logs of any kind as flights by name, and what must be said about them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from flightlog.errors import UserError
+from flightlog.readers import Log, read_log
+from flightlog.tables import Table
+
+UNREAD = ("frames",)  # pictures: not read here
+LEAST = 2.0  # [s] of a segment that is looked at
+
+
+@dataclass(frozen=True, eq=False)
+class Flights:
+    """Logs, read: one flight a log, or one a segment where its clock was reset."""
+
+    logs: Mapping[str, Log]  # by flight
+    tables: Mapping[str, Mapping[str, Table]]  # by flight and topic
+    notes: tuple[str, ...]
+
+    @property
+    def untimed(self) -> list[str]:
+        """Topics of some flight whose times cannot be trusted to a sample."""
+        return sorted({t for name, log in self.logs.items() for t in self.tables[name] if t not in log.timed})
+
+    def __add__(self, others: "Flights") -> "Flights":
+        """Both; UserError where a flight stands in both."""
+        for name, log in others.logs.items():
+            if name in self.logs:
+                raise UserError(f"{log.path}: given twice")
+        return Flights(
+            dict(self.logs) | dict(others.logs), dict(self.tables) | dict(others.tables),
+            tuple(dict.fromkeys((*self.notes, *others.notes))),
+        )  # fmt: skip
+
+
+def read(paths: Sequence[Path], mapping: Path | None = None) -> Flights:
+    """Read logs; UserError for the first that is unusable, or given twice.
+
+    Args:
+        paths: flight folders, folders of CSV files, CSV, ULog or DataFlash files.
+        mapping: what the columns of the CSV files among them are.
+    """
+    logs: dict[str, Log] = {}
+    tables: dict[str, Mapping[str, Table]] = {}
+    notes: list[str] = []
+    seen: dict[Path, Path] = {}
+    for path in paths:
+        if path.resolve() in seen:
+            raise UserError(f"{path}: given twice")
+        seen[path.resolve()] = path
+        log = read_log(path, mapping)
+        name = _name(path, logs)
+        notes += [f"{name}: {note}" for note in log.notes]
+        parts = [i for i, (first, last) in enumerate(log.segments) if last - first >= LEAST]
+        if not parts:
+            raise UserError(f"{path}: {log.duration:.2f} s long; at least {LEAST:g} s would be right")
+        if len(parts) < len(log.segments):
+            notes.append(f"{name}: {len(log.segments) - len(parts)} segment(s) shorter than {LEAST:g} s left out")
+        for part in parts:
+            own = name if len(parts) == 1 else f"{name}#{part + 1}"
+            logs[own], tables[own] = log, _measured(log, part)
+    return Flights(logs, tables, tuple(dict.fromkeys(notes)))
+
+
+def _name(path: Path, taken: Mapping[str, Log]) -> str:
+    """What a flight is called: its file's name, with the folder's where two are alike."""
+    short = path.resolve().name or str(path)
+    if short not in {name.partition("#")[0] for name in taken}:
+        return short
+    return str(path)
+
+
+def _measured(log: Log, part: int) -> dict[str, Table]:
+    """A segment's tables. What Helideck's own navigator made of the sensors is no measurement of its own."""
+    left_out = (*UNREAD, "estimate") if log.kind == "flight" else UNREAD
+    return {topic: table for topic, table in log.segment(part).items() if topic not in left_out}
