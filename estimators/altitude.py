@@ -2,13 +2,14 @@
 
 Lei et al. 2012, equations 15 to 27, extended: the published state is height and barometer bias; here it is
 
-    x = [h, v, b_a, b_q, b_g, s]
+    x = [h, v, b_a, b_q, b_g, s, c]
 
 height of the body origin above the pad's plane, climb rate, vertical error of the acceleration, bias of the barometer,
-bias of the GPS height, scale error of vision (focal length, edges that bleed). The measurements, all of h:
+bias of the GPS height, scale errors of vision (focal length) and of the ranger (speed of sound). What stays the same
+for a flight is a state and not noise: it does not average out. The measurements, all of h:
 
     high:  baro h + b_q    GPS h + b_g    vision h (1 + s)      (equations 15, 16)
-    near:  GPS h + b_g     vision h (1 + s)    ranger h         (equations 17, 18; the barometer is shut out)
+    near:  GPS h + b_g     vision h (1 + s)    ranger h (1 + c)   (equations 17, 18; the barometer is shut out)
 
 Which set is used follows from the PREDICTED height with hysteresis, not from what the ranger says, since beyond its
 reach the ranger answers with echoes from nowhere. Nor is it believed at once when it should have come into reach: so
@@ -31,7 +32,7 @@ from flightlog.equipment import Equipment
 
 Floats = NDArray[np.float64]
 
-H, V, B_A, B_Q, B_G, S = range(6)  # states
+H, V, B_A, B_Q, B_G, S, C = range(7)  # states
 BARO, GPS, GPS_CLIMB, VISION, SONAR = range(5)  # components
 TOPIC_BARO, TOPIC_GPS, TOPIC_VISION, TOPIC_SONAR = range(4)
 
@@ -49,7 +50,8 @@ class AltitudeNoise:
 
     acceleration: float = 0.03  # [m/s^2/sqrt(Hz)] white: sensor, vibration left by the notches
     acceleration_bias: float = 0.06  # [m/s^2] bias and scale error at 1 g
-    acceleration_bias_tau: float = 100.0  # [s]
+    acceleration_drift: float = 0.01  # [m/s^2]
+    acceleration_drift_tau: float = 100.0  # [s]
     baro: float = 0.15  # [m] white
     baro_bias: float = 0.7  # [m] at the start
     baro_drift: float = 0.35  # [m]
@@ -59,7 +61,8 @@ class AltitudeNoise:
     gps_wander: float = 0.25  # [m]
     gps_wander_tau: float = 60.0  # [s]
     climb: float = 0.05  # [m/s] white, of the GPS
-    scale: float = 0.0015  # [1] of vision: the same in every picture, so it does not average out
+    scale: float = 0.0011  # [1] of vision: the focal length is known to 1 px of 952
+    sonar_scale: float = 0.005  # [1] of the ranger
     reach_low: float = 2.7  # [m] predicted range of the ranger below which the near set is used
     reach_high: float = 3.0  # [m] and above which it is left
 
@@ -69,11 +72,17 @@ class AltitudeNoise:
         given: dict[str, float] = {}
         if (imu := equipment.sensors.get("imu")) is not None:
             bias = math.hypot(imu["accel_bias_std"], imu["accel_drift_std"], 9.8 * imu["accel_scale_std"])
-            given |= {"acceleration_bias": bias, "acceleration": math.hypot(imu["accel_noise"], 0.01)}
+            given |= {
+                "acceleration_bias": bias,
+                "acceleration_drift": imu["accel_drift_std"],
+                "acceleration_drift_tau": imu["accel_drift_tau"],
+                # the noise is given as a one-sided density
+                "acceleration": math.hypot(imu["accel_noise"] / math.sqrt(2.0), 0.0015),
+            }
         if (baro := equipment.sensors.get("baro")) is not None:
             # white noise is widened: gusts over the port are neither white nor in the numbers
             given |= {
-                "baro": math.hypot(baro["noise"], 0.05),
+                "baro": math.hypot(baro["noise"], 0.02),
                 "baro_bias": math.hypot(baro["bias_std"], 0.1),
                 "baro_drift": baro["drift_std"],
                 "baro_drift_tau": baro["drift_tau"],
@@ -88,21 +97,29 @@ class AltitudeNoise:
             }
         if (sonar := equipment.sensors.get("sonar")) is not None:
             top = sonar["greatest_range"]
-            given |= {"reach_low": 2.7 / 3.05 * top, "reach_high": 3.0 / 3.05 * top}
+            given |= {
+                "reach_low": 2.7 / 3.05 * top,
+                "reach_high": 3.0 / 3.05 * top,
+                "sonar_scale": sonar["scale_std"],
+            }
         return cls(**given)
 
 
 def model(noise: AltitudeNoise) -> LinearModel:
-    """The derivatives are h' = v, v' = a - b_a; b_a a Gauss-Markov process; the biases walk as far as their wander."""
-    dynamics = np.zeros((6, 6))
-    dynamics[H, V], dynamics[V, B_A], dynamics[B_A, B_A] = 1.0, -1.0, -1.0 / noise.acceleration_bias_tau
-    inputs = np.zeros((6, INPUTS))
+    """The derivatives are h' = v, v' = a - b_a; the biases walk as far as their drift or wander.
+
+    Walks, not Gauss-Markov processes: those forget a constant bias, and forgetting a bias of the acceleration shows as
+    a climb rate that is off for as long as the flight lasts.
+    """
+    dynamics = np.zeros((7, 7))
+    dynamics[H, V], dynamics[V, B_A] = 1.0, -1.0
+    inputs = np.zeros((7, INPUTS))
     inputs[V, 2] = 1.0
-    density = np.zeros((6, 6))
-    density[B_A, B_A] = 2.0 * noise.acceleration_bias**2 / noise.acceleration_bias_tau
+    density = np.zeros((7, 7))
+    density[B_A, B_A] = 2.0 * noise.acceleration_drift**2 / noise.acceleration_drift_tau
     density[B_Q, B_Q] = 2.0 * noise.baro_drift**2 / noise.baro_drift_tau
     density[B_G, B_G] = 2.0 * noise.gps_wander**2 / noise.gps_wander_tau
-    driven = np.zeros((6, 6))
+    driven = np.zeros((7, 7))
     driven[V, V] = noise.acceleration**2
     components = [
         Component(TOPIC_BARO, patience=50, jump=B_Q),
@@ -115,7 +132,7 @@ def model(noise: AltitudeNoise) -> LinearModel:
 
 
 def _row(*states: int) -> Floats:
-    row = np.zeros(6)
+    row = np.zeros(7)
     row[list(states)] = 1.0
     return row
 
@@ -133,8 +150,8 @@ class AltitudeFilter:
     def __init__(self, noise: AltitudeNoise, t: float, epochs: int = 160) -> None:
         """Starts at `t` [s], knowing nothing of the height; remembers so many epochs."""
         self.noise = noise
-        start = [100.0, 3.0, noise.acceleration_bias, noise.baro_bias, noise.gps_bias, noise.scale]
-        self.kalman = DelayedKalman(model(noise), t, np.zeros(6), np.diag(np.square(start)), epochs=epochs)
+        start = [100.0, 3.0, noise.acceleration_bias, noise.baro_bias, noise.gps_bias, noise.scale, noise.sonar_scale]
+        self.kalman = DelayedKalman(model(noise), t, np.zeros(7), np.diag(np.square(start)), epochs=epochs)
         self.mode = Mode.HIGH
         self.height = 0.0  # [m] as of the last report, for the choice of measurements
         self.deviation = 100.0  # [m] its standard deviation
@@ -186,6 +203,7 @@ class AltitudeFilter:
         elif all(map(math.isnan, self._agreed)) and not self._insisted:
             self._believed = False
         if heard and self._believed and self.mode is Mode.NEAR:
+            self._rows[SONAR][C] = height + lever
             return self.kalman.insert(t, SONAR, self._rows[SONAR], height, variance) == TAKEN
         return True
 

@@ -34,7 +34,8 @@ ALIGNED = 0.012  # [rad] tilt error that is left: trimmed flight is not quite wi
 PLUMB_TAU = 0.5  # [s]
 PLUMB_GATE = 0.3  # [m/s^2] of the plumb line's length about gravity
 PLUMB_TRUST = 0.03  # [rad]
-AXIS_LAG = 0.001  # [rad] by which the heading trails a mark's axis: a gyroscope's bias over the gain, turns
+AXIS_LAG = 1.5e-4  # [rad] by which the heading trails a mark's axis: a gyroscope's bias over the gain, turns
+AXIS_MEAN = 0.1  # [1] what the mean over the half second that the loop takes leaves of one picture's variance
 COAST_TAU = 0.1  # [s] without an inertial sample the last rates are believed so long
 COAST_RATE = 0.1  # [rad/s] at which it may turn then
 
@@ -133,7 +134,7 @@ def propagate(memory, t, fx, fy, fz, wx, wy, wz, tilt_e, tilt_n, variance, aid):
     gain_heading = a.gain_axis if clear else a.gain_heading
     correction[2] = -gain_heading * (a.axis_error if clear else a.yaw_error) if clear or measured else 0.0
     # a first error of the heading is not the gyroscope's bias
-    settled = min(1.0, (a.axis_variance + AXIS_LAG**2) / a.variance_heading) if clear else 1.0
+    settled = min(1.0, (AXIS_MEAN * a.axis_variance + AXIS_LAG**2) / a.variance_heading) if clear else 1.0
     # into the body
     for i in range(3):
         c = r[0, i] * correction[0] + r[1, i] * correction[1] + r[2, i] * correction[2]
@@ -155,7 +156,8 @@ def propagate(memory, t, fx, fy, fz, wx, wy, wz, tilt_e, tilt_n, variance, aid):
     a.variance_level = aid * variance + (1.0 - aid) * (a.variance_level + dt * alone)
     std = math.sqrt(a.variance_heading)
     if clear or measured:
-        floor = a.axis_variance + AXIS_LAG**2 if clear else min(a.floor_heading**2, a.variance_deviation) + 0.0025**2
+        floor = AXIS_MEAN * a.axis_variance + AXIS_LAG**2
+        floor = floor if clear else min(a.floor_heading**2, a.variance_deviation) + 0.0015**2
         a.variance_heading += dt * 2.0 * gain_heading * (floor - a.variance_heading)
     else:
         a.variance_heading += dt * 2.0 * std * learnt
@@ -171,7 +173,7 @@ def coast(memory, t):
     a.t = t
     for i in range(3):
         a.raw_rate[i] *= math.exp(-dt / COAST_TAU)
-        a.rates[i] = a.raw_rate[i]
+        a.rates[i] = a.quiet_rate[i] = a.raw_rate[i]
         a.mean_acceleration[i] = 0.0
     a.inputs[:] = 0.0
     a.q[:] = multiply(a.q, from_vector(dt * a.raw_rate))

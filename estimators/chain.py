@@ -84,7 +84,7 @@ def compile_all(epochs: int) -> None:
     place, axes = np.zeros(3), np.eye(3)
     antenna(attitude, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, place)
     ranger(attitude, 1.0, place, 0.1)
-    pad_in_world(attitude, 0.0, 0.0, 0.0, 1.0, axes, place, axes, 0.0, 0.0)
+    pad_in_world(attitude, 0.0, 0.0, 0.0, 1.0, axes, place, axes, 0.0, 0.0, 0.0)
     high.vision(0.002, 1.0, 1.0)
     side.vision(0.002, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0)
     for kalman in (high.kalman, side.kalman):

@@ -63,13 +63,14 @@ class KinematicNavigator:
         epochs = max(160, math.ceil(2.0 * self.LATE / period))
         high = replace(AltitudeNoise.of(equipment), acceleration=acceleration, acceleration_bias=1e-3)
         side = replace(
-            PositionNoise.of(equipment), acceleration=acceleration, accelerometer=1e-3, tilt_start=1e-4, tilt_walk=1e-6
-        )
+            PositionNoise.of(equipment), acceleration=acceleration, accelerometer=1e-3, tilt_start=1e-4, tilt_walk=1e-6,
+            gyro_bias=1e-8, gyro_drift=1e-9,
+        )  # fmt: skip
         self._equipment, self._period, self._time, self._angles = equipment, period, t, attitude
         self._altitude = AltitudeFilter(high, t - self.LATE, epochs)
         self._position = PositionFilter(side, t - self.LATE, epochs)
         self._still = np.zeros(INPUTS)
-        self._baro_row, self._sonar_row = np.zeros(6), np.zeros(6)
+        self._baro_row, self._sonar_row = np.zeros(altitude.C + 1), np.zeros(altitude.C + 1)
         self._baro_row[[altitude.H, altitude.B_Q]] = self._sonar_row[altitude.H] = 1.0
         self._alone = not {"baro", "gps"} & equipment.sensors.keys()
         # what the lever arms ask for: an attitude without a history

@@ -35,13 +35,13 @@ def ranger(memory, distance, mount, half_angle):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def pad_in_world(memory, t, x, y, z, covariance, mount, axes, grain, scale):
+def pad_in_world(memory, t, x, y, z, covariance, mount, axes, grain, jitter, scale):
     """Position of the body origin over the mark's centre that a sighting means, and its covariance.
 
     x, y, z [m]: the centre in camera axes; covariance (3, 3); mount (3,), axes (3, 3) of the camera in the body.
-    Returns e, n, u [m] and ee, en, nn, uu [m^2]. Added: `grain` [m] in all directions, `scale` and heading error times
-    the lateral distance, tilt error times the lateral distance in height. Tilt error and scale times the height are
-    states of the filters.
+    Returns e, n, u [m] and ee, en, nn, uu [m^2]. Added: `grain` [m] in all directions, `jitter` [rad] of the attitude
+    times the distance, `scale` and heading error times the lateral distance, tilt error times it in height. Tilt error
+    and scale times the height are states of the filters.
     """
     q, _ = attitude_at(memory, t)
     r = matrix(q)
@@ -54,8 +54,9 @@ def pad_in_world(memory, t, x, y, z, covariance, mount, axes, grain, scale):
     a = memory[0]
     level, heading = a.variance_level, min(a.variance_heading, 2.0)  # unknown: anywhere on a circle
     fixed = grain * grain
-    c_ee = c[0, 0] + fixed + scale * scale * e * e + heading * n * n
-    c_nn = c[1, 1] + fixed + scale * scale * n * n + heading * e * e
+    shaken = fixed + jitter * jitter * u * u
+    c_ee = c[0, 0] + shaken + scale * scale * e * e + heading * n * n
+    c_nn = c[1, 1] + shaken + scale * scale * n * n + heading * e * e
     c_en = c[0, 1] - heading * e * n
     c_uu = c[2, 2] + fixed + level * (e * e + n * n)
     return e, n, u, c_ee, c_en, c_nn, c_uu

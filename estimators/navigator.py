@@ -11,6 +11,7 @@ acceleration 5.2 ms, from the notches and the mean of two samples that take the 
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -50,10 +51,13 @@ Floats = NDArray[np.float64]
 BEFORE = 0.25  # [s] the filters begin so long before the first sample: late ones may be from before it
 LEAST_EPOCHS, SPARE = 160, 0.4  # 0.64 s at 250 Hz; [s]
 LONGEST_GAP = 60.0  # [s] an inertial sample farther ahead has a broken stamp
-GRAIN = 0.003  # [m] neither mount nor pad are known better
+GRAIN = 3e-5  # [m] a picture is not better than this
+CUT = 3e-3  # [m] nor one in which half of the mark is missing than this
+JITTER = 5e-6  # [rad] the rotor's vibration in the attitude of a picture
 SCALE = 1e-3  # [1] of the lateral distance: focal length
-ALIKE = 10.0  # echoes
+GROUND = 1e-3  # [m] grass and paint under the ranger
 SAME_INSTANT = 1e-3  # [s]
+FAULTY = 1.5e-3  # [rad/sqrt(s)] of the tilt
 FAST = AttitudeGains(level=2.0, integral=0.3)  # flow or a horizon finds the tilt error within half a second
 AT_REST = (0.0005, 0.005, 0.03)  # [m], [m/s], [m/s^2] a flight begins by flow alone, trimmed over its origin
 
@@ -87,7 +91,8 @@ class Navigator:
         self._eyes = eyes = eyes or Eyes()
         self._front_end = eyes.pad
         self._horizons = eyes.horizons
-        self._attitude = AttitudeFilter(equipment, FAST) if flow or horizon else AttitudeFilter(equipment)
+        self._gains = FAST if flow or horizon else AttitudeGains()
+        self._attitude = AttitudeFilter(equipment, self._gains)
         self._period = 1.0 / equipment.sensors["imu"].rate
         self._altitude: AltitudeFilter
         self._position: PositionFilter
@@ -194,7 +199,9 @@ class Navigator:
         t = stamps[0] - BEFORE
         self._altitude = AltitudeFilter(AltitudeNoise.of(self._equipment), t, self._epochs)
         noise, flow = PositionNoise.of(self._equipment), self._flow is not None
-        self._position = PositionFilter(noise, t, self._epochs, flow=flow, integral=FAST.integral)
+        if self._level is not None:  # what is held by the horizon may have gyroscopes far worse than theirs
+            noise = replace(noise, tilt_walk=FAULTY)
+        self._position = PositionFilter(noise, t, self._epochs, flow=flow, integral=self._gains.integral)
         self._time = stamps[0] - self._period
         self._attitude.memory["t"] = self._time
         self._started = True
@@ -288,9 +295,8 @@ class Navigator:
             return
         distance = s.range if s.valid else math.nan
         height, lever = ranger(self._attitude.memory, distance, device.position, device["beam_half_angle"])
-        # the scale's error is the same in every echo, so it counts for as many as act in half a second
-        share = math.hypot(device["noise_share"], math.sqrt(ALIKE) * device["scale_std"])
-        variance = (share * distance) ** 2 + 0.1 * device["resolution"] ** 2 + GRAIN**2
+        # rounding to its resolution is evenly distributed; the scale's error is a state of the filter
+        variance = (device["noise_share"] * distance) ** 2 + device["resolution"] ** 2 / 12.0 + GROUND**2
         if not self._altitude.sonar(s.t, height, variance if s.valid else 1.0, lever):
             self._refuse("sonar")
         self._correct = True
@@ -381,8 +387,9 @@ class Navigator:
             self._refuse("pad")
             return
         memory = self._attitude.memory
+        grain = math.hypot(GRAIN, CUT * min(1.0, 2.0 * max(0.0, 1.0 - s.quality)))
         e, n, u, c_ee, c_en, c_nn, c_uu = pad_in_world(
-            memory, s.t, s.x, s.y, s.z, covariance, camera.mount.position, camera.mount.axes, GRAIN, SCALE
+            memory, s.t, s.x, s.y, s.z, covariance, camera.mount.position, camera.mount.axes, grain, JITTER, SCALE
         )
         above = self._altitude.vision(s.t, u, c_uu)
         if not (self._position.vision(s.t, e, n, c_ee, c_en, c_nn, u) and above):

@@ -1,13 +1,15 @@
 """Horizontal position and velocity from inertial, vision, GPS and optical flow; and what they say of the tilt.
 
-    x = [e, n, ve, vn, d_e, d_n, a_e, a_n, g_e, g_n]
+    x = [e, n, ve, vn, d_e, d_n, a_e, a_n, g_e, g_n, b_e, b_n]
 
-position and velocity of the body origin, tilt error of the attitude, error of the accelerometer, bias of the GPS.
+position and velocity of the body origin, tilt error of the attitude, error of the accelerometer, bias of the GPS, bias
+of the gyroscopes.
 
 A tilt error d [rad] does two things: R f is off by g d, and a position by vision, turned into the world by that
 attitude, is off by d times the height (it does not average out at 25 pictures a second). Hovering, the first cannot be
 told from an error of the accelerometer; coming down, the second can. The attitude filter turns back what is found here
-and says so: its turning is an input of this filter, d' = c.
+and says so: its turning is an input of this filter, d' = b + c, and so is the share of every correction that it takes
+off the gyroscopes' bias, b' = m c.
 
 Without the bias of the GPS as a state the machine would run off by half a metre when the mark leaves the picture;
 vision observes it, and what is left when the mark is lost is what the GPS has wandered since.
@@ -17,9 +19,7 @@ Optical flow measures the way since a picture was taken, the key frame. Where th
     k = p + h d   at the time of the key frame,
 
 copied with their correlations, and a flow is p + h d - k: it never tells where the vehicle is, but as long as the
-pictures are compared with the same key frame the error does not grow either. Flow is precise enough to tell a tilt that
-drifts from one that jitters, so two more states are what the gyroscopes' bias still does to it, d' = c + b; the
-attitude filter takes its share of every correction off that bias, b' = m c.
+pictures are compared with the same key frame the error does not grow either.
 """
 
 import math
@@ -36,7 +36,7 @@ from flightlog.equipment import Equipment
 
 Floats = NDArray[np.float64]
 
-E, N, VE, VN, D_E, D_N, A_E, A_N, G_E, G_N, K_E, K_N, B_E, B_N = range(14)  # states; from K_E on where there is flow
+E, N, VE, VN, D_E, D_N, A_E, A_N, G_E, G_N, B_E, B_N, K_E, K_N = range(14)  # states; from K_E on where there is flow
 GPS_E, GPS_N, GPS_VE, GPS_VN, VISION_1, VISION_2 = range(6)  # components
 TILT_1, TILT_2, HORIZON_AHEAD, HORIZON_ASIDE = range(10, 14)
 # what a picture says of the way to it comes before what begins with it
@@ -54,10 +54,10 @@ class PositionNoise:
     acceleration: float = 0.03  # [m/s^2/sqrt(Hz)] white
     calm_acceleration: float = 0.005  # [m/s^2/sqrt(Hz)] the same in flight by flow, low and slow
     tilt_start: float = 0.012  # [rad] after alignment
-    tilt_walk: float = 0.0015  # [rad/sqrt(s)] unknown bias of the gyroscopes, scale errors in turns
+    tilt_walk: float = 3e-4  # [rad/sqrt(s)] white noise of the gyroscopes, scale errors in turns
     accelerometer: float = 0.06  # [m/s^2] bias, and misalignment times gravity
-    accelerometer_tau: float = 100.0  # [s]
-    tilt_jitter: float = 3e-4  # [rad/sqrt(s)] walk of the tilt where the gyroscopes' bias is a state
+    accelerometer_drift: float = 0.01  # [m/s^2]
+    accelerometer_drift_tau: float = 100.0  # [s]
     gyro_bias: float = 0.001  # [rad/s] of it at the start
     gyro_drift: float = 1.4e-4  # [rad/s]
     gyro_drift_tau: float = 300.0  # [s]
@@ -73,14 +73,14 @@ class PositionNoise:
         given: dict[str, float] = {}
         if (imu := equipment.sensors.get("imu")) is not None:
             bias = math.hypot(imu["accel_bias_std"], imu["accel_drift_std"], GRAVITY * imu["misalignment_std"])
-            # as a walk that comes as far as a constant bias does in the 3 s that it takes to be corrected
-            walk = math.hypot(imu["gyro_bias_std"], imu["gyro_drift_std"]) * math.sqrt(3.0)
             given |= {
-                "acceleration": math.hypot(imu["accel_noise"], 0.01),
+                # the noise is given as a one-sided density; scale errors make more of manoeuvres
+                "acceleration": math.hypot(imu["accel_noise"] / math.sqrt(2.0), 0.006),
                 "calm_acceleration": math.hypot(imu["accel_noise"], 0.003),
                 "accelerometer": bias,
-                "tilt_walk": math.hypot(walk, imu["gyro_noise"]),
-                "tilt_jitter": math.hypot(5e-5, imu["gyro_noise"]),
+                "accelerometer_drift": imu["accel_drift_std"],
+                "accelerometer_drift_tau": imu["accel_drift_tau"],
+                "tilt_walk": math.hypot(5e-5, imu["gyro_noise"] / math.sqrt(2.0)),
                 "gyro_bias": math.hypot(imu["gyro_bias_std"], imu["gyro_drift_std"]),
                 "gyro_drift": imu["gyro_drift_std"],
             }
@@ -96,31 +96,29 @@ class PositionNoise:
 
 
 def model(noise: PositionNoise, *, flow: bool = False, integral: float = 0.0) -> LinearModel:
-    """The derivatives are p' = v, v' = f - g d - a, d' = c; a Gauss-Markov; the GPS bias walks as far as its wander.
+    """The derivatives are p' = v, v' = f - g d - a, d' = b + c, b' = integral c; a and g walk by their drift.
 
-    `flow`: with the key frame's place, which does not move, and the gyroscopes' bias, of which the attitude filter
-    takes off `integral` [1/s] times what it turns.
+    Of the gyroscopes' bias b the attitude filter takes off `integral` [1/s] times what it turns. Walks, not
+    Gauss-Markov processes, which would forget what is constant. `flow`: with the key frame's place, which stays.
     """
-    n = B_N + 1 if flow else K_E
+    n = K_N + 1 if flow else K_E
     dynamics, inputs = np.zeros((n, n)), np.zeros((n, INPUTS))
     density, driven = np.zeros((n, n)), np.zeros((n, n))
     for axis in range(2):
         dynamics[E + axis, VE + axis] = 1.0
         dynamics[VE + axis, D_E + axis] = -GRAVITY
         dynamics[VE + axis, A_E + axis] = -1.0
-        dynamics[A_E + axis, A_E + axis] = -1.0 / noise.accelerometer_tau
+        dynamics[D_E + axis, B_E + axis] = 1.0
         inputs[VE + axis, axis] = 1.0
         inputs[D_E + axis, 3 + axis] = 1.0
-        density[A_E + axis, A_E + axis] = 2.0 * noise.accelerometer**2 / noise.accelerometer_tau
+        inputs[B_E + axis, 3 + axis] = integral
+        density[A_E + axis, A_E + axis] = 2.0 * noise.accelerometer_drift**2 / noise.accelerometer_drift_tau
         density[G_E + axis, G_E + axis] = 2.0 * noise.gps_wander**2 / noise.gps_wander_tau
         driven[VE + axis, VE + axis] = noise.acceleration**2
+        density[B_E + axis, B_E + axis] = 2.0 * noise.gyro_drift**2 / noise.gyro_drift_tau
         driven[D_E + axis, D_E + axis] = noise.tilt_walk**2
         if flow:
-            dynamics[D_E + axis, B_E + axis] = 1.0
-            inputs[B_E + axis, 3 + axis] = integral
-            driven[D_E + axis, D_E + axis] = noise.tilt_jitter**2
             driven[VE + axis, VE + axis] = noise.calm_acceleration**2
-            density[B_E + axis, B_E + axis] = 2.0 * noise.gyro_drift**2 / noise.gyro_drift_tau
     components = [
         Component(TOPIC_GPS, patience=10, jump=G_E),
         Component(TOPIC_GPS, patience=10, jump=G_N),
@@ -150,17 +148,30 @@ class PositionFilter:
         has them.
         """
         self.noise = noise
-        start = np.repeat(
-            [100.0, 3.0, noise.tilt_start, noise.accelerometer, noise.gps_bias, 100.0, noise.gyro_bias], 2
-        )
+        unsure = [100.0, 3.0, noise.tilt_start, noise.accelerometer, noise.gps_bias, noise.gyro_bias, 100.0]
+        start = np.repeat(unsure, 2)
         laws, room = model(noise, flow=flow, integral=integral), len(start)
         n = len(laws.dynamics)
-        self.kalman = DelayedKalman(laws, t, np.zeros(n), np.diag(start[:n] ** 2), epochs=epochs, room=room)
+        self.kalman = DelayedKalman(laws, t, np.zeros(n), self._start(start[:n]), epochs=epochs, room=room)
         self._rows = tuple(np.zeros(room) for _ in range(4))
         for axis in range(2):
             self._rows[GPS_E + axis][[E + axis, G_E + axis]] = 1.0
             self._rows[GPS_VE + axis][VE + axis] = 1.0
         self._row, self._way = np.zeros(room), np.zeros(room)
+
+    @staticmethod
+    def _start(deviations: Floats) -> Floats:
+        """Covariance (n, n) to start from.
+
+        The attitude was aligned by the force: what the accelerometer's error a has tilted it by is d = -a/g, and only
+        what comes on top (the flight was not quite without acceleration) is independent of it.
+        """
+        p = np.diag(deviations**2)
+        for axis in range(2):
+            variance = deviations[A_E + axis] ** 2
+            p[D_E + axis, D_E + axis] += variance / GRAVITY**2
+            p[D_E + axis, A_E + axis] = p[A_E + axis, D_E + axis] = -variance / GRAVITY
+        return p
 
     def gps(self, t: float, e: float, n: float, ve: float, vn: float, dilution: float) -> bool:
         """Position [m] and velocity [m/s] of the body origin; `dilution` multiplies their standard deviations."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from estimators.eyes import Eyes
 from estimators.lei_akf import AkfReading, LeiFilter
-from estimators.lei_sensors import BARO, GPS, VISION
+from estimators.lei_sensors import BARO, GPS, VISION, LeiSensors
 from estimators.navigator import Navigator
 from estimators.navigators import contract
 from estimators.navigators.contract import Variant
@@ -26,6 +26,8 @@ from flightlog.signals import BaroSample, Controls, GpsSample, Measurement, PadS
 Floats = NDArray[np.float64]
 
 NEEDS = ("imu", "rotor")
+# R is not printed: the deviations that the paper reports of its hover (section 4.2)
+IN_FLIGHT = AkfReading(sensors=LeiSensors(baro=0.369, gps=0.253, vision=0.380))
 PERIOD = 0.1  # [s] of the filter's cycle: as often as the paper's camera might see
 
 
@@ -52,7 +54,7 @@ class LeiNavigator:
     ) -> None:
         """`inner` gives all but the height, and sees the pictures; `model` is the vehicle's equation 13."""
         self.inner = inner
-        self.filter = LeiFilter(reading or AkfReading(), model)
+        self.filter = LeiFilter(reading or IN_FLIGHT, model)
         self._equipment = equipment
         self._controls = Controls(math.nan, math.nan, math.nan, math.nan, math.nan)
         self._up: Floats = np.array([0.0, 0.0, 1.0])  # the world's up in body axes
@@ -79,7 +81,10 @@ class LeiNavigator:
 
     def update(self, measurements: Sequence[Measurement]) -> StateEstimate:
         """What has arrived since the last call; the height is Lei's as soon as a sensor has told one."""
-        state = self.inner.update(measurements)
+        return self.listen(measurements, self.inner.update(measurements))
+
+    def listen(self, measurements: Sequence[Measurement], state: StateEstimate) -> StateEstimate:
+        """The same where `inner` has been asked already, and said `state`."""
         self._up = matrix(state.quaternion)[2]
         for sample in (*measurements, *self.inner.detections):
             self._hear(sample)

@@ -28,7 +28,8 @@ def pad_eye(equipment: Equipment, variant: Variant) -> FrontEnd | None:
         return RingFrontEnd(down.model, down.mount, mark)
     if variant == "published":
         return LeiFrontEnd(down.model, down.mount, mark)
-    return HMarkFrontEnd(down.model, down.mount, mark)
+    # the focal length's error is a state of the altitude filter: no noise of one picture
+    return HMarkFrontEnd(down.model, down.mount, mark, scale_std=0.0)
 
 
 def horizon_eyes(equipment: Equipment, variant: Variant) -> dict[str, HorizonEye]:

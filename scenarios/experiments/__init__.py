@@ -8,6 +8,8 @@ from scenarios.experiments.contract import Experiment as Experiment
 EXPERIMENTS: tuple[str, ...] = (  # modules of this package in the order of the report
     "lei2012_desk",
     "lei2012_stairs",
+    "lei2012_hover",
+    "lei2012_landing",
     "wu2019_calibration",
     "wu2019_readings",
     "wu2019_landing",
@@ -16,6 +18,7 @@ EXPERIMENTS: tuple[str, ...] = (  # modules of this package in the order of the 
     "huang_sequences",
     "huang_dive",
     "huang_hold",
+    "consistency",
 )
 
 

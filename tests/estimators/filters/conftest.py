@@ -32,7 +32,8 @@ TICK = 0.004  # [s]
 NUMBERS = {
     "imu": {
         "accel_noise": 0.0039, "gyro_noise": 8.7e-5, "accel_bias_std": 0.03, "gyro_bias_std": math.radians(0.05),
-        "accel_drift_std": 0.005, "gyro_drift_std": math.radians(0.008), "accel_scale_std": 0.002,
+        "accel_drift_std": 0.005, "accel_drift_tau": 300.0,
+        "gyro_drift_std": math.radians(0.008), "accel_scale_std": 0.002,
         "misalignment_std": 0.0,
     },
     "mag": {"noise": 0.3, "bias_std": 0.25, "drift_std": 0.1, "misalignment_std": 0.005},

@@ -190,6 +190,7 @@ def test_high_mode_is_the_published_filter_where_that_can_be(equipment: Equipmen
     noise = AltitudeNoise(
         acceleration=1e-6,
         acceleration_bias=1e-9,
+        acceleration_drift=1e-9,
         baro_drift=1e-9,
         gps_bias=1e-9,
         gps_wander=1e-9,
@@ -199,7 +200,7 @@ def test_high_mode_is_the_published_filter_where_that_can_be(equipment: Equipmen
     )
     filter_ = AltitudeFilter(noise, 0.0)
     root = filter_.kalman.memory["ring"][0, 0]
-    root["p"] = np.diag([100.0**2, 1e-12, 1e-12, 0.7**2, 1e-12, 1e-18])
+    root["p"] = np.diag([100.0**2, 1e-12, 1e-12, 0.7**2, 1e-12, 1e-18, 1e-18])
     oracle = KalmanFilter(dim_x=2, dim_z=1)
     oracle.x, oracle.P = np.zeros((2, 1)), np.diag([100.0**2, 0.7**2])
     oracle.F, oracle.Q = np.eye(2), np.zeros((2, 2))

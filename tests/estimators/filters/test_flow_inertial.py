@@ -86,7 +86,7 @@ def test_without_flow_the_filter_has_no_key_frame(equipment: Equipment) -> None:
     noise = PositionNoise.of(equipment)
     plain, with_flow = PositionFilter(noise, 0.0), PositionFilter(noise, 0.0, flow=True, integral=0.3)
     assert plain.kalman.state_at(0.0)[0].shape == (position.K_E,)
-    assert with_flow.kalman.state_at(0.0)[0].shape == (position.B_N + 1,)
+    assert with_flow.kalman.state_at(0.0)[0].shape == (position.K_N + 1,)
     assert plain.kalman.memory.dtype is with_flow.kalman.memory.dtype, "compiled once"
 
 

@@ -46,7 +46,7 @@ def test_the_antenna_is_taken_back_to_the_body_origin(roll, pitch, heading, wx, 
 def test_a_sighting_gives_the_place_it_was_made_from(roll, pitch, heading, e, n, u) -> None:
     memory, mount = memory_of(roll, pitch, heading), np.array([0.1, 0.0, -0.1])
     seen = DOWN.T @ (rotation_of(memory).inv().apply([-e, -n, -u]) - mount)
-    found = pad_in_world(memory, 0.0, *seen, np.eye(3), mount, DOWN, 0.0, 0.0)[:3]
+    found = pad_in_world(memory, 0.0, *seen, np.eye(3), mount, DOWN, 0.0, 0.0, 0.0)[:3]
     np.testing.assert_allclose(found, [e, n, u], atol=1e-9)
 
 
@@ -59,7 +59,7 @@ def test_the_covariance_of_a_sighting_is_that_of_its_errors() -> None:
     place = np.array([2.0, 1.0, 6.0])
     covariance = np.array([[4.0, 1.5, 0.5], [1.5, 2.0, -0.3], [0.5, -0.3, 9.0]]) * 1e-4
     seen = DOWN.T @ (rotation_of(memory).inv().apply(-place) - mount)
-    found = pad_in_world(memory, 0.0, *seen, covariance, mount, DOWN, 0.0, 0.0)
+    found = pad_in_world(memory, 0.0, *seen, covariance, mount, DOWN, 0.0, 0.0, 0.0)
     samples = np.empty((20_000, 3))
     for i, error in enumerate(rng.multivariate_normal(np.zeros(3), covariance, len(samples))):
         arm = rotation_of(memory).apply(mount + DOWN @ (seen + error))
@@ -73,7 +73,7 @@ def test_tilt_enters_the_height_by_the_lateral_distance() -> None:
     memory["variance_level"] = 0.01**2
     seen = DOWN.T @ np.array([-3.0, 0.0, -10.0])
     zero = np.zeros((3, 3))
-    *_, c_uu = pad_in_world(memory, 0.0, *seen, zero, np.zeros(3), DOWN, 0.0, 0.0)
+    *_, c_uu = pad_in_world(memory, 0.0, *seen, zero, np.zeros(3), DOWN, 0.0, 0.0, 0.0)
     assert c_uu == pytest.approx((3.0 * 0.01) ** 2, rel=1e-9)
 
 

@@ -166,4 +166,6 @@ def test_a_tilt_shown_better_one_way_corrects_that_way_alone(filter_: PositionFi
     filter_.kalman.refresh()
     p = filter_.kalman.last["p"][position.D_E : position.D_N + 1, position.D_E : position.D_N + 1]
     assert np.array([c, s]) @ p @ [c, s] == pytest.approx(sure, rel=1e-2)
-    assert np.array([-s, c]) @ p @ [-s, c] == pytest.approx(filter_.noise.tilt_start**2, rel=1e-2)
+    noise = filter_.noise
+    unknown = noise.tilt_start**2 + (noise.accelerometer / GRAVITY) ** 2
+    assert np.array([-s, c]) @ p @ [-s, c] == pytest.approx(unknown, rel=1e-2)
