@@ -41,10 +41,21 @@ def navigators() -> dict[str, str]:
     return {name: describe(name) for name in NAVIGATORS}
 
 
+def causes() -> dict[str, str]:
+    """Causes that `helideck diagnose` may name."""
+    from identification.causes import CATALOGUE
+
+    return {
+        name: f"{cause.where}: {cause.about}; " + ", ".join(f"{p.name} [{p.unit}]" for p in cause.parameters)
+        for name, cause in CATALOGUE.items()
+    }
+
+
 LISTS: Mapping[str, Callable[[], dict[str, str]]] = {
     "scenarios": scenarios,
     "vehicles": vehicles,
     "terms": terms,
     "sensors": sensors,
     "navigators": navigators,
+    "causes": causes,
 }

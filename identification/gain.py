@@ -71,7 +71,7 @@ class Gain:
     """Held-out figures."""
 
     how: str  # in words
-    flights: int
+    judged: Bench  # whose flights were predicted
     channels: Sequence[ChannelGain]
     log_likelihood: float  # [nats] the causes over nothing
     log_likelihood_ci95: tuple[float, float]
@@ -132,7 +132,7 @@ def compare(diagnosis: Diagnosis, before: Names, after: Names, heldout: Bench | 
     channels, draws = _channels(judged, residuals, np.random.default_rng(seed))
     total = [sum(item.log_likelihood for item in one) for one in held]
     return Gain(
-        how=how, flights=len(judged.names), channels=channels, log_likelihood=total[1] - total[0],
+        how=how, judged=judged, channels=channels, log_likelihood=total[1] - total[0],
         log_likelihood_ci95=_ci(draws + (total[1] - total[0] - float(np.mean(draws)))),
         over_everything=total[1] - total[2], residuals=residuals,
     )  # fmt: skip

@@ -10,12 +10,12 @@ from helideck.cli.document import emit
 
 @dataclass(frozen=True)
 class List:
-    """Say what there is: scenarios, vehicles, terms of the model, sensors.
+    """Say what there is: scenarios, vehicles, terms of the model, sensors, causes that a diagnosis knows.
 
     Example: helideck list scenarios
     """
 
-    what: tyro.conf.Positional[Literal["scenarios", "vehicles", "terms", "sensors", "navigators"]]
+    what: tyro.conf.Positional[Literal["scenarios", "vehicles", "terms", "sensors", "navigators", "causes"]]
     """Which list."""
 
     json: bool = False

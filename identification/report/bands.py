@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.bench import Bench
 from identification.gain import Gain
 from identification.report.drivers import drivers
 
@@ -40,8 +39,9 @@ class Course:
         return float(0.5 * np.sum((SIGMAS / self.band) ** 2 * (self.before**2 - self.after**2)))
 
 
-def courses(bench: Bench, gain: Gain, channels: Sequence[str]) -> list[Course]:
+def courses(gain: Gain, channels: Sequence[str]) -> list[Course]:
     """Every channel over every driver."""
+    bench = gain.judged
     judged = [drivers(bench, i) for i in range(len(bench.names))]
     numbers = {about.name: number for number, about in bench.channels.items()}
     found = []

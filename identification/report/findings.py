@@ -54,7 +54,8 @@ def _told(cause: Asserted) -> str:
     if cause.confusable_with:
         text += f", not to be told from {', '.join(cause.confusable_with)} on these flights"
     if cause.gain is not None:
-        text += f"; it takes {100 * cause.gain.share_of_explainable:.0f} % of what can be explained in {cause.gain.channel}"
+        share = 100 * cause.gain.share_of_explainable
+        text += f"; it takes {share:.0f} % of what can be explained in {cause.gain.channel}"
     return text
 
 

@@ -1,0 +1,175 @@
+"""What `helideck diagnose` does: logs and a vehicle in; verdict, extended vehicle, gain and report out."""
+
+import importlib.util
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from importlib import import_module
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from flightlog.errors import UserError
+from helideck.estimation import find_mapping
+from identification import extension, gain
+from identification.diagnosis import Diagnosis, examine, open_bench
+from identification.logs import Flights, read
+from identification.report import Findings, Landing
+from identification.report.drivers import visited
+from identification.verdict import NotTestable, Verdict
+from sim import vehicle as vehicles
+from sim.vehicle import Vehicle
+
+STEPS = 6
+Progress = Callable[[float, float, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """All that a diagnosis came to."""
+
+    verdict: Verdict
+    flights: Flights
+    heldout: Flights | None
+    vehicle: Vehicle | None
+    diagnosis: Diagnosis | None  # None without a vehicle
+    gain: gain.Gain | None
+    extended: Vehicle | None
+    folder: Path
+    landings: Sequence[Landing] = ()
+
+    @property
+    def findings(self) -> Findings:
+        """What the report is made of."""
+        return Findings(self.verdict, self.diagnosis, self.gain, self.landings)
+
+    def document(self) -> dict[str, Any]:
+        """The document of `--json`."""
+        found = asdict(self.verdict)
+        found["heldout"] = None if self.gain is None else heldout_document(self.gain)
+        for key, name in (("report", "report.html"), ("recording", "replay.rrd")):
+            found[key] = str(self.folder / name) if (self.folder / name).is_file() else None
+        return found
+
+
+def heldout_document(found: gain.Gain) -> dict[str, Any]:
+    """Held-out figures as plain numbers."""
+    return {
+        "how": found.how,
+        "log_likelihood": found.log_likelihood,
+        "log_likelihood_ci95": list(found.log_likelihood_ci95),
+        "over_all_parameters": found.over_everything,
+        "channels": [asdict(c) | {"share_of_explainable": c.share_of_explainable} for c in found.channels],
+    }
+
+
+def diagnose(
+    logs: Sequence[Path],
+    *,
+    folder: Path,
+    vehicle: Path | None = None,
+    normal: Sequence[Path] = (),
+    heldout: Sequence[Path] = (),
+    mapping: Path | None = None,
+    progress: Progress = lambda done, of, text: None,
+) -> Answer:
+    """Diagnose logs and write what comes of it into a folder, which is made.
+
+    Args:
+        logs: flight folders, CSV, ULog, DataFlash.
+        folder: for extended.toml, diagnosis.json, the report, the recording.
+        vehicle: file or name of what flew; None: sensors are judged against each other.
+        normal: logs of flights known to be good, to which the vehicle's numbers are fitted first.
+        heldout: logs that are used for the gain alone.
+        mapping: what a CSV's columns are.
+        progress: told (steps done, steps in all, what is being done).
+
+    Raises:
+        UserError: for an unusable log, vehicle or mapping.
+    """
+    progress(0, STEPS, "reading")
+    chosen = find_mapping(mapping)
+    flights = read(logs, chosen)
+    others = read(heldout, chosen) if heldout else None
+    good = read(normal, chosen) if normal else None
+    for more in (others, good):
+        if more is not None:
+            _ = flights + more  # no flight may be both
+    flown = None if vehicle is None else vehicles.load(vehicle)
+    _make(folder)
+    if flown is None:
+        if good is not None:
+            raise UserError("--normal: numbers of a vehicle are fitted to normal flights: name it with --vehicle")
+        return _without_model(flights, folder)
+    if good is not None:
+        progress(1, STEPS, "fitting the vehicle to normal flights")
+        flown = import_module("identification.normal").refit_to(flown, good.tables, folder / "nominal.toml")
+    progress(2, STEPS, "searching")
+    found = examine(flights.tables, flown)
+    verdict = _limited(found.verdict, flights)
+    verdict = replace(verdict, notes=[*flights.notes, *(others.notes if others else ()), *verdict.notes])
+    progress(3, STEPS, "measuring the gain")
+    bench = open_bench(others.tables, flown, found.bench) if others is not None else None
+    measured = gain.measure(found, bench) if verdict.baseline.certified else None
+    made = None
+    if measured is not None:
+        worth = gain.of_each(found, bench) if verdict.causes else {}
+        verdict = replace(
+            verdict, channels=measured.errors(),
+            causes=[replace(cause, gain=worth.get(cause.name)) for cause in verdict.causes],
+        )  # fmt: skip
+        if verdict.causes:
+            progress(4, STEPS, "extending the vehicle")
+            made = _extend(found, verdict, flights, folder)
+            verdict = replace(verdict, extended_vehicle=str(made.path))
+    return Answer(verdict, flights, others, flown, found, measured, made, folder)
+
+
+def new_folder(log: Path) -> Path:
+    """A new folder under diagnoses/, named for the first log."""
+    stem = log.resolve().name.partition(".")[0] or "log"
+    for number in count(1):
+        folder = Path("diagnoses") / (stem if number == 1 else f"{stem}-{number}")
+        if not folder.exists():
+            return folder
+    raise AssertionError
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"{folder}: cannot be made: {error.strerror}; name a folder that can") from None
+
+
+def _without_model(flights: Flights, folder: Path) -> Answer:
+    """Redundant sensors against each other, and rigid-body kinematics."""
+    if importlib.util.find_spec("identification.parity") is None:
+        raise UserError("without --vehicle there is no model to judge; name one (`helideck list vehicles`)")
+    verdict: Verdict = import_module("identification.parity").judge(flights.tables)
+    verdict = replace(_limited(verdict, flights), notes=[*flights.notes, *verdict.notes])
+    return Answer(verdict, flights, None, None, None, None, None, folder)
+
+
+def _limited(verdict: Verdict, flights: Flights) -> Verdict:
+    """Causes that show in timing are not named where rows have no times of their own."""
+    if not flights.untimed:
+        return verdict
+    needs = [f"{topic}.t" for topic in flights.untimed]
+    timing = [cause.name for cause in verdict.causes if cause.where == "timing"]
+    return replace(
+        verdict, causes=[cause for cause in verdict.causes if cause.where != "timing"],
+        not_testable=[*verdict.not_testable, *(NotTestable(name, needs) for name in timing)],
+    )  # fmt: skip
+
+
+def _extend(found: Diagnosis, verdict: Verdict, flights: Flights, folder: Path) -> Vehicle:
+    """Write extended.toml; the vehicle that it makes."""
+    names = tuple(sorted(cause.name for cause in verdict.causes))
+    fit = found.search.fit(names)
+    of = {p.key: name for name in names for p in found.search.causes[name].parameters}
+    delta = extension.Delta(
+        values=fit.values, causes=of, units={key: found.bench.units[key] for key in of}, covariance=fit.covariance,
+        visited=visited(found.bench),
+    )  # fmt: skip
+    hashes: Mapping[str, str] = {name: extension.digest(log.path) for name, log in flights.logs.items()}
+    return extension.write(found.bench.vehicle, delta, hashes, folder / "extended.toml")

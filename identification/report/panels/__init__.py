@@ -1,0 +1,30 @@
+"""The pictures of a report, one a file: each has TITLE, CAPTION and `draw(findings)`, None where it says nothing."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+
+from identification.report.findings import Findings
+
+NAMES: tuple[str, ...] = ("headline", "structure", "channels", "evidence", "course", "detection")  # in their order
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One picture."""
+
+    name: str
+    title: str
+    caption: str
+    png: bytes
+
+
+def panels(findings: Findings) -> Sequence[Panel]:
+    """All pictures that say something, the most telling first."""
+    found = []
+    for name in NAMES:
+        module = import_module(f"{__name__}.{name}")
+        drawn: bytes | None = module.draw(findings)
+        if drawn is not None:
+            found.append(Panel(name, module.TITLE, module.CAPTION, drawn))
+    return found
