@@ -2,7 +2,8 @@
 
 About one expansion point every hypothesis is r = J theta + L lambda + e, e ~ N(0, 1): theta shared by all flights,
 lambda a flight's own. What the fitted units leave of theta and lambda is the prior under which the held-out unit is
-judged. The expansion point itself is that of the fit to everything, which a fold moves from by a fraction of a standard
+judged. Causes stay as they were trained; what may be off without any (tolerances, the wind) may follow the unit. The
+expansion point itself is that of the fit to everything, which a fold moves from by a fraction of a standard
 deviation; the model is not run again.
 """
 
@@ -33,7 +34,7 @@ class Held:
     """One unit as predicted from the others."""
 
     log_likelihood: float  # up to what all hypotheses share
-    residual: Floats  # (R of the unit,) what is left once the flight's own unknowns were fitted to it
+    residual: Floats  # (R of the unit,) what is left once all that may be off anyway has followed the unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,7 @@ class Hypothesis:
     flights: Sequence[Rows]
     std: Mapping[str, float]  # by key, of its prior; > 0
     shift: Mapping[str, float]  # by key, expansion point less nominal value
+    held: frozenset[str] = frozenset()  # keys that stay as trained on a held-out unit; the others follow it
 
     def __post_init__(self) -> None:
         for key, std in self.std.items():
@@ -95,9 +97,10 @@ def predict(hypothesis: Hypothesis, units: Sequence[Unit], held: int, test: Hypo
     after = precision + x.T @ x
     back = x.T @ error
     likelihood = -0.5 * (_log_det(after) - _log_det(precision) + error @ error - back @ np.linalg.solve(after, back))
-    local = x[:, k:]
-    moved = np.linalg.solve(precision[k:, k:] + local.T @ local, local.T @ error)
-    return Held(float(likelihood), error - local @ moved)
+    follows = [i for i in range(k + own) if i >= k or list(other.std)[i] not in hypothesis.held]
+    free = x[:, follows]
+    moved = np.linalg.solve(precision[np.ix_(follows, follows)] + free.T @ free, free.T @ error)
+    return Held(float(likelihood), error - free @ moved)
 
 
 def fitted(hypothesis: Hypothesis, unit: Unit) -> Floats:

@@ -6,7 +6,7 @@ comes to. Flights handed in for it are judged if there are any; else each flight
 only one by the other four.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,15 +112,16 @@ def compare(diagnosis: Diagnosis, before: Names, after: Names, heldout: Bench | 
     """One set of causes against another."""
     bench, search = diagnosis.bench, diagnosis.search
     old, new = search.fit(before), search.fit(after)
-    first = _hypothesis(bench, old, _free(bench, before))
+    first = _hypothesis(bench, old, bench, before)
     same = old is new
-    second = first if same else _hypothesis(bench, new, _free(bench, after))
-    every = Hypothesis(second.flights, _free(bench, [c.name for c in bench.causes]), second.shift)
+    second = first if same else _hypothesis(bench, new, bench, after)
+    all_names = [cause.name for cause in bench.causes]
+    every = Hypothesis(second.flights, _free(bench, all_names), second.shift, _own(bench, all_names))
     tests: list[Hypothesis | None] = [None, None, None]
     if heldout is not None:
-        one = _hypothesis(heldout, old, first.std)
-        two = one if same else _hypothesis(heldout, new, second.std)
-        tests = [one, two, Hypothesis(two.flights, every.std, second.shift)]
+        one = _hypothesis(heldout, old, bench, before)
+        two = one if same else _hypothesis(heldout, new, bench, after)
+        tests = [one, two, Hypothesis(two.flights, every.std, second.shift, every.held)]
     how, units = _units(first.flights, heldout, bench)
     judged = heldout if heldout is not None else bench
     count = len(units) if heldout is None else len(heldout.names)
@@ -140,14 +141,20 @@ def compare(diagnosis: Diagnosis, before: Names, after: Names, heldout: Bench | 
 
 def _free(bench: Bench, names: Sequence[str]) -> dict[str, float]:
     """Prior standard deviation of every number that is free when these causes may be at work."""
-    own = {p.key for cause in bench.causes if cause.name in names for p in cause.parameters}
-    free = dict(bench.tolerances) | {key: bench.spreads[key] for key in own}
+    free = dict(bench.tolerances) | {key: bench.spreads[key] for key in _own(bench, names)}
     return {key: free[key] for key in sorted(free) if free[key] > 0.0}
 
 
-def _hypothesis(bench: Bench, fit: Refit, std: Mapping[str, float]) -> Hypothesis:
-    flights = [bench.rows(i, fit.at) for i in range(len(bench.names))]
-    return Hypothesis(flights, dict(std), {key: value - bench.nominal[key] for key, value in fit.at.items()})
+def _own(bench: Bench, names: Sequence[str]) -> frozenset[str]:
+    """Keys of the parameters of these causes."""
+    return frozenset(p.key for cause in bench.causes if cause.name in names for p in cause.parameters)
+
+
+def _hypothesis(flown: Bench, fit: Refit, fitted_on: Bench, names: Sequence[str]) -> Hypothesis:
+    """The flights of a bench about the best values that were found on another, or on it."""
+    flights = [flown.rows(i, fit.at) for i in range(len(flown.names))]
+    shift = {key: value - fitted_on.nominal[key] for key, value in fit.at.items()}
+    return Hypothesis(flights, _free(fitted_on, names), shift, _own(fitted_on, names))
 
 
 def _units(flights: Sequence[Rows], heldout: Bench | None, bench: Bench) -> tuple[str, list[Unit]]:
