@@ -105,7 +105,7 @@ def along(kernels, spans, signals, geometry, x, p, held, edges, ticks, wind, puf
             before[k] = mean[k]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def innovations(model, measured, gust, step, keep, gust_std, process, noise, gains, spreads, out):
     """Take out what gusts explain; returns twice the negative log-likelihood.
 

@@ -9,7 +9,8 @@ from identification.causes import CATALOGUE, Cause, Change
 from identification.declared import declared, offsets
 from identification.drive import Driven, Noise, gust_slopes, judge
 from identification.flight import SETTLED, Flight
-from identification.model import Model
+from identification.model import Model, tolerance_of
+from identification.noise_fit import Settled
 from identification.stack import Rows
 from identification.whitening import sensor_signatures
 from sim.vehicle import Vehicle
@@ -120,6 +121,22 @@ class Sheet:
         answer = self.model.answer(self.flight.drive, self.wind, changes)
         return judge(self.flight, self.wind, answer, self.gust, self.noise)
 
+    def settled(self, values: Mapping[str, float], local: Floats) -> Settled:
+        """The flight with the answer as these changes (by key) and locals (L,) make it, to first order."""
+        answer = self.model.answer(self.flight.drive, self.wind)
+        seen = np.zeros_like(answer)
+        for key, value in (*values.items(), *zip(self.local_keys, local[2:].tolist(), strict=True)):
+            if key in self.slopes:
+                answer += self.slopes[key] * value
+            if key in self._measured:
+                seen += self._measured[key] * value
+        for i, name in enumerate(WINDS):
+            answer += self.by_wind[name] * (local[i] - self.wind[i])
+        # a rate or speed that a sensor adds to is, for the answer, its change
+        answer[:, :3] += seen[:, :3]
+        answer[1:, 3:] += np.diff(seen[:, 3:], axis=0) / self.flight.motion.step
+        return Settled(self.flight, self.wind, answer, self.gust)
+
     def refresh(self, keys: Sequence[str], at: Mapping[str, float]) -> None:
         """Take the slopes of some knobs anew about a changed model."""
         found = knob_slopes(self.model, self.flight, self.wind, keys, at)
@@ -175,11 +192,9 @@ def solve(rows: Rows, std: Mapping[str, float]) -> tuple[dict[str, float], Float
 def priors(model: Model, causes: Sequence[Cause]) -> tuple[dict[str, float], dict[str, float]]:
     """By parameter key, what may be without any cause, and how large a cause may make it."""
     tolerances = {knob.key: knob.tolerance for knob in model.toleranced}
-    sensors = model.vehicle.document["sensors"]
     for cause in causes:
         for p in cause.parameters:
             if p.tolerance is not None:
-                _, topic, name = p.tolerance.split(".")
-                tolerances[p.key] = float(sensors[topic][name]["tolerance"])
+                tolerances[p.key] = float(tolerance_of(model.vehicle.document, p.tolerance, p.unit))
     spreads = {p.key: max(p.spread, 3.0 * tolerances.get(p.key, 0.0)) for cause in causes for p in cause.parameters}
     return tolerances, spreads

@@ -14,6 +14,7 @@ from flightlog.rotations import angles, quaternion
 from flightlog.tables import Table
 from identification import kinematics as k
 from identification.grid import Course, Drive, lay, smooth
+from identification.vibration import calm
 from sim.vehicle import Vehicle
 from sim.world import MAGNETIC_FIELD
 
@@ -25,6 +26,8 @@ NEEDED = ("imu", "controls", "rotor")
 CLEAR = 0.08  # [m] of the skids above the ground while a flight is looked at
 SETTLED = 1.0  # [s] until the filter knows where it is
 LEAST_SAMPLES = 40  # to take a noise level from
+LEAST_FACTOR = 0.4  # of the declared one
+PAD_FLOOR, ANGLE_FLOOR = 0.0005, 5e-4  # [m], [rad] that no front end is better than
 TACH_SPAN = 0.1  # [s] over which the tachometer is smoothed
 CHI2_MEDIAN = 0.4549  # median of chi-square with one degree of freedom
 
@@ -82,6 +85,8 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
             raise UserError(f"{name}: has no topic {topic}: a {vehicle.document['kind']} needs {', '.join(NEEDED)}")
     notes: list[str] = []
     imu_t, imu = _inertial(name, tables["imu"], notes)
+    rotor = _rotor_speed(tables["rotor"], imu_t)
+    imu = calm(imu_t, imu, rotor, float(vehicle.parameters.get("tail_rotor", {}).get("gear", 0.0)))
     mass = float(vehicle.geometry["mass"])
     pressure, temperature = _surface(tables)
     setup = _setup(vehicle)
@@ -95,13 +100,9 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
         raise UserError(f"{name}: {last * STEP:.1f} s in the air; at least 5 s would be right")
     motion, edges = _cut(motion, last), edges[: last + 1]
     speed = tables["rotor"]
-    tach_t = np.asarray(speed["t"], float)
-    tach_step = float(np.median(np.diff(tach_t)))
-    turns = smooth(np.asarray(speed["speed"], float), max(2, round(TACH_SPAN / tach_step)))
     sticks = np.nan_to_num(tables["controls"].stack("collective", "lateral", "longitudinal", "tail", "throttle"))
     course = Course(
-        imu_t, samples, smooth(imu[:, 3:], _samples_a_turn(imu_t)),
-        np.interp(imu_t, tach_t - 0.5 * tach_step, turns),  # the mean since the sample before
+        imu_t, samples, smooth(imu[:, 3:], _samples_a_turn(imu_t)), rotor,
         np.asarray(tables["controls"]["t"], float), sticks,
     )  # fmt: skip
     fine, coarse = (lay(course, edges, pressure, temperature, rough) for rough in (False, True))
@@ -114,6 +115,14 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
         name, motion, drive, measured, mass * measured[:, 2], skids[:last],
         _echoes(tables, vehicle, motion), tuple(notes),
     )  # fmt: skip
+
+
+def _rotor_speed(table: Table, t: Floats) -> Floats:
+    """[rad/s] at the times t (S,), smoothed; a tachometer gives the mean since its sample before."""
+    tach = np.asarray(table["t"], float)
+    step = float(np.median(np.diff(tach)))
+    turns = smooth(np.asarray(table["speed"], float), max(2, round(TACH_SPAN / step)))
+    return np.interp(t, tach - 0.5 * step, turns)
 
 
 def _means(t: Floats, values: Floats, marks: Floats) -> Floats:
@@ -196,7 +205,8 @@ def _measurements(
     if "sonar" in tables and "sonar" in sensors:
         table, n = tables["sonar"], sensors["sonar"].numbers
         value = np.where(np.asarray(table["valid"], float) > 0, table["range"], np.nan)
-        add(k.SONAR, np.asarray(table["t"]), value, np.hypot(n["noise_share"] * value, n["resolution"]))
+        std = np.hypot(n["noise_share"] * value, n["resolution"] / math.sqrt(12.0))
+        add(k.SONAR, np.asarray(table["t"]), value, std)
     if "mag" in tables and "mag" in sensors:
         table, n = tables["mag"], sensors["mag"].numbers
         for axis, name in enumerate(("mx", "my", "mz")):
@@ -204,9 +214,9 @@ def _measurements(
     if "pad" in tables and "down" in vehicle.cameras:
         table = tables["pad"]
         for axis, name in enumerate(("x", "y", "z")):
-            std = np.hypot(np.asarray(table[f"std_{name}"], float), 0.002)
+            std = np.hypot(np.asarray(table[f"std_{name}"], float), PAD_FLOOR)
             add(k.PAD + axis, np.asarray(table["t"]), np.asarray(table[name], float), std)
-        std = np.hypot(np.asarray(table["std_angle"], float), 0.002)
+        std = np.hypot(np.asarray(table["std_angle"], float), ANGLE_FLOOR)
         add(k.PAD_ANGLE, np.asarray(table["t"]), np.asarray(table["angle"], float), std)
     kinds = np.concatenate([np.full(len(t), kind) for kind, t, _, _ in parts] or [np.zeros(0)]).astype(np.int64)
     times, values, stds = (np.concatenate([p[i] for p in parts] or [np.zeros(0)]) for i in (1, 2, 3))
@@ -281,7 +291,7 @@ def _statistics(vehicle: Vehicle, node_step: float, imu_step: float) -> tuple[Fl
         prior[k.SONAR_SCALE] = numbers["sonar"]["scale_std"] ** 2
     if "pad" in numbers:
         prior[k.CAMERA_SCALE] = numbers["pad"]["scale_std"] ** 2
-        prior[k.CAMERA_TILT : k.CAMERA_TILT + 2] = 0.003**2
+        prior[k.CAMERA_TILT : k.CAMERA_TILT + 2] = imu["misalignment_std"] ** 2  # of the body that the sensor sees
     return prior, noise, decay
 
 
@@ -327,7 +337,8 @@ def _noise_factors(kinds: Ints, times: Floats, stds: Floats, answers: Floats, be
         nu, s, r = answers[at, 0], answers[at, 1], stds[at]
         spread = np.median((nu / s) ** 2) / CHI2_MEDIAN  # of the innovation over what was expected
         share = np.median((r / s) ** 2)  # of the innovation's variance that is white noise
-        factors[kind] = math.sqrt(np.clip((spread - (1.0 - share)) / share, 1.0, 9.0))
+        least = 1.0 if kind == k.PAD + 2 else LEAST_FACTOR  # the mark's size errs slowly: not white, never better
+        factors[kind] = math.sqrt(np.clip((spread - (1.0 - share)) / share, least**2, 9.0))
     return factors
 
 

@@ -1,7 +1,6 @@
 """Helicopters: motion by the sensors, forces by the model along it."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 from flightlog.tables import Table
 from identification import evidence as ev
 from identification import kinematics as k
+from identification import noise_fit
 from identification.bench import Baseline, Bench, Channel
 from identification.causes.contract import Cause
 from identification.drive import Noise
@@ -25,10 +25,8 @@ START = Noise(
     gust_std=(0.33, 0.33, 0.3), gust_tau=5.0, process=(0.0, 0.0, 0.0, 2e-3, 1e-3, 1e-3, 0.05),
     noise=(0.05, 0.05, 0.05, 1e-3, 1e-3, 1e-3, 0.22),
 )  # fmt: skip
-ROUNDS = 3  # of the noise fit
+ROUNDS = 2  # of the noise fit
 WIND_ROUNDS = 2
-MAD = 0.6745  # median of the absolute value of a standard normal number
-LEAST = 40  # values to take a level from
 
 SCALAR_UNITS = {"gps": "m", "baro": "m", "sonar": "m", "mag": "uT", "pad": "m"}
 
@@ -111,11 +109,12 @@ class HelicopterBench:
         noise = START
         wide = {key: max(self.tolerances.get(key, 0.0), self.spreads.get(key, 0.0)) for key in self.nominal}
         for _ in range(ROUNDS):
-            left = []
+            settled = []
             for sheet in self.sheets:
                 sheet.whiten(noise)
-                left.append(ev.solve(sheet.rows(sheet.residual({})), wide)[2])
-            noise = refined(noise, [sheet.channel for sheet in self.sheets], left)
+                values, local, _ = ev.solve(sheet.rows(sheet.residual({})), wide)
+                settled.append(sheet.settled(values, local))
+            noise = noise_fit.fit(noise, settled)
         for sheet in self.sheets:
             sheet.whiten(noise)
         return noise
@@ -128,20 +127,6 @@ class HelicopterBench:
         winds = np.mean([sheet.wind for sheet in self.sheets], axis=0)
         air = {"wind_e": float(winds[0]), "wind_n": float(winds[1]), "gust_std": float(self.noise.gust_std[0])}
         return Baseline(True, None, levels, air)
-
-
-def refined(noise: Noise, channels: Sequence[NDArray[np.int64]], left: Sequence[Floats]) -> Noise:
-    """Noise levels from what is `left` (R,) of each flight after everything was explained."""
-    factors = []
-    for i in range(7):
-        values = np.concatenate([part[c == ev.DRIVEN + i] for c, part in zip(channels, left, strict=True)])
-        values = values[values != 0.0]
-        factors.append(float(np.median(np.abs(values))) / MAD if len(values) > LEAST else 1.0)
-    f = np.clip(factors, 0.2, 5.0)
-    return replace(
-        noise, noise=tuple(n * s for n, s in zip(noise.noise, f, strict=True)),
-        process=tuple(n * s for n, s in zip(noise.process, f, strict=True)),
-    )  # fmt: skip
 
 
 def open_bench(

@@ -189,8 +189,9 @@ def track(
             t = imu_t[i]
             w = np.empty(3)
             turn = np.empty(3)
+            before = max(i - 1, 0)  # a sample of the rate is of its instant
             for k in range(3):
-                w[k] = imu[i, 3 + k] - biases[B_G + k]
+                w[k] = 0.5 * (imu[before, 3 + k] + imu[i, 3 + k]) - biases[B_G + k]
                 turn[k] = w[k] * dt
             half = matrix(multiply(q, from_vector(0.5 * turn)))
             q = multiply(q, from_vector(turn))

@@ -14,7 +14,7 @@ def changes(flight: Flight, vehicle: Vehicle) -> list[Change]:
 CAUSE = Cause(
     name="camera_latency",
     where="timing",
-    parameters=(Parameter("delay", "s", "cameras.down.stamp_delay", 0.06),),
+    parameters=(Parameter("delay", "s", "cameras.down.stamp_delay", 0.06, tolerance="cameras.down.latency"),),
     about="age of a picture beyond its stamp",
     needs=("pad",),
     changes=changes,

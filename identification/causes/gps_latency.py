@@ -14,7 +14,7 @@ def changes(flight: Flight, vehicle: Vehicle) -> list[Change]:
 CAUSE = Cause(
     name="gps_latency",
     where="timing",
-    parameters=(Parameter("delay", "s", "sensors.gps.delay", 0.15),),
+    parameters=(Parameter("delay", "s", "sensors.gps.delay", 0.15, tolerance="sensors.gps.latency"),),
     about="age of a fix beyond its stamp",
     needs=("gps",),
     changes=changes,
