@@ -12,9 +12,15 @@ def scenarios() -> dict[str, str]:
 
 def vehicles() -> dict[str, str]:
     """Vehicles that come with the project."""
-    from sim.vehicle import available, load
+    from flightlog import toml_file
+    from sim.vehicle import available, find
 
-    return {name: f"{load(name).document['kind']}, {load(name).geometry['mass']:g} kg" for name in available()}
+    documents = {name: toml_file.read(find(name)) for name in available()}
+    return {
+        name: f"{document['kind']}, {document['mass']['value']:g} {document['mass']['unit']}" if "mass" in document
+        else str(document["kind"])
+        for name, document in documents.items()
+    }  # fmt: skip
 
 
 def terms() -> dict[str, str]:

@@ -23,7 +23,9 @@ from helideck.cli.see import SIGHTS
 from helideck.cli.usage import one_line
 
 # in the order of the help
-VERBS: tuple[str, ...] = ("land", "replay", "estimate", "diagnose", "see", "campaign", "reproduce", "list", "doctor")
+VERBS: tuple[str, ...] = (
+    "land", "replay", "estimate", "diagnose", "predict", "see", "campaign", "reproduce", "list", "doctor",
+)  # fmt: skip
 
 DESCRIPTION = (
     "A small helicopter that sees, fuses faulty sensors, hovers over an H and lands on it. "
