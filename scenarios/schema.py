@@ -191,7 +191,7 @@ class FaultEvent(Event):
             raise ValueError("says neither numbers nor column and fault")
         table = SENSOR_TABLES.get(self.sensor)
         if table is None:
-            raise ValueError(f"{self.sensor} is a camera: it has neither numbers nor columns; pad and flow are what it sees")
+            raise ValueError(f"{self.sensor} is a camera: it has no numbers or columns; pad and flow are what it sees")
         if self.column is not None:
             columns = [column.name for column in MEASURED[self.sensor].columns if column.kind != "text"]
             if self.column not in columns:

@@ -94,9 +94,12 @@ def minute(landing: int, seconds: float) -> Minute:
                     *_in_world(exact.see(image, where.attitude), where.attitude, 0.0),
                 )
             )
-    columns = [np.array(column) for column in zip(*rows, strict=True)]
+    published_heights, seen, variance, exact_seen, exact_variance = map(np.array, zip(*rows, strict=True))
     bound = height_bound(MARK, setup, edge_noise(LIGHT_WELL))
-    return Minute(height, t_gps, gps, t_baro, baro, times, *columns, bound, image)
+    return Minute(
+        height, t_gps, gps, t_baro, baro, times, published_heights, seen, variance, exact_seen, exact_variance, bound,
+        image,
+    )  # fmt: skip
 
 
 def _walk(value: Floats, std: float, tau: float, dt: float, rng: np.random.Generator) -> Floats:

@@ -57,7 +57,8 @@ def stand(rng: np.random.Generator, height: float, *, tilt: float, stray: float,
     Tilted by up to `tilt` [rad] about either axis, headed up to `turn` [rad] from the mark's axis, the mark up to
     `stray` of the height off the optical axis.
     """
-    attitude = quaternion(*rng.uniform(-tilt, tilt, 2), rng.uniform(-turn, turn))
+    roll, pitch = rng.uniform(-tilt, tilt, 2)
+    attitude = quaternion(roll, pitch, rng.uniform(-turn, turn))
     axis = matrix(attitude) @ MOUNT.axes[:, 2]
     off = rng.uniform(-stray, stray, 2) * height
     return Stand(np.append(axis[:2] / axis[2] * height + off, height), attitude)

@@ -193,7 +193,7 @@ def conclude(effort: Effort, answers: Sequence[Any]) -> Outcome:
         low, high = (float(chi2.ppf(p, STATES * many)) / many for p in (0.0005, 0.9995))
         notes.append(
             f"Normalised error squared of e, n, ve, vn over {many} flights: {means.mean():.2f}; 99.9 % band of "
-            f"{STATES} degrees of freedom {low:.2f} to {high:.2f}. Below it the filter is more careful than it need be: "
+            f"{STATES} degrees of freedom {low:.2f} to {high:.2f}. Below it the filter is more careful than need be: "
             "it allows for motion and vibration that a calm hover does not have."
         )
     plots = [

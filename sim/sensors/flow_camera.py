@@ -61,7 +61,7 @@ class FlowCamera(Device):
         self._error = (math.nan, math.nan)
 
     def sample(self, truth: Truth) -> FlowSample | None:
-        """What the eye reports of a picture exposed at `truth`; None for the first, or where there is nothing to see."""
+        """What the eye reports of a picture exposed at `truth`; None for the first, or where nothing is to see."""
         n, camera, rotation = self.numbers, self._camera, truth.rotation
         normal = self.rng.standard_normal(6)
         found = self.rng.random() < n["detection_share"]
