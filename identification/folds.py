@@ -58,7 +58,7 @@ class Hypothesis:
             [rows.signatures[key][unit.rows] for key in self.std] or [np.zeros((unit.rows.sum(), 0))]
         )
         moved = np.array([self.shift.get(key, 0.0) for key in self.std])
-        residual = rows.residual[unit.rows] + shared @ moved
+        residual = rows.residual[unit.rows] + shared @ moved + rows.local[unit.rows] @ rows.at
         scaled = shared * np.array(list(self.std.values()))
         return np.hstack([scaled, rows.local[unit.rows] * rows.local_std]), residual
 

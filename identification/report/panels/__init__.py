@@ -6,7 +6,9 @@ from importlib import import_module
 
 from identification.report.findings import Findings
 
-NAMES: tuple[str, ...] = ("headline", "structure", "channels", "evidence", "course", "detection")  # in their order
+NAMES: tuple[str, ...] = (
+    "force", "headline", "structure", "channels", "evidence", "course", "detection",
+)  # fmt: skip - in their order
 
 
 @dataclass(frozen=True)
