@@ -25,7 +25,7 @@ ABOUT = (
     "pad camera's error model, and once rendered."
 )
 
-FLIGHTS = {"full": 20, "quick": 3}
+FLIGHTS = {"full": 16, "quick": 4}  # each pair of signs of GPS and vision
 RENDERED_S = {"full": 60.0, "quick": 8.0}
 COURSE_EVERY = 25  # steps of the loop
 
@@ -50,8 +50,8 @@ class Hovered:
 
 
 def sensors_of(seed: int, poor_vision: bool) -> dict[str, float]:
-    """Scenario settings that give the sensors the paper's errors, with signs drawn by the seed."""
-    baro, gps, vision = np.random.default_rng(seed).choice([-1.0, 1.0], 3).tolist()
+    """Scenario settings that give the sensors the paper's errors; their signs are the seed's lowest bits."""
+    gps, vision, baro = (1.0 if seed >> bit & 1 else -1.0 for bit in range(3))
     settings = {
         "sensors.baro.bias_m": baro * BARO[0], "sensors.baro.bias_std_m": 0.0, "sensors.baro.drift_std_m": BARO[1],
         "sensors.baro.drift_tau_s": WANDER_TAU,
@@ -172,7 +172,7 @@ def conclude(effort: Effort, answers: Sequence[Any]) -> Outcome:
     )  # fmt: skip
     notes = [
         f"{FLIGHTS[effort]} flights a kind. Errors put in: barometer {BARO[0]} m constant and {BARO[1]} m wander, GPS "
-        f"{GPS[0]} m and {GPS[1]} m (time constant {WANDER_TAU:g} s), both with drawn signs; published vision: scale "
+        f"{GPS[0]} m and {GPS[1]} m (time constant {WANDER_TAU:g} s), every combination of signs; published vision: scale "
         f"{100 * SCALE:.1f} %, half the mark's length {SIZE_PX} px.",
     ]
     return Outcome(figures, [plot], notes=notes)
