@@ -172,7 +172,7 @@ def conclude(effort: Effort, answers: Sequence[Any]) -> Outcome:
     )  # fmt: skip
     notes = [
         f"{FLIGHTS[effort]} flights a kind. Errors put in: barometer {BARO[0]} m constant and {BARO[1]} m wander, GPS "
-        f"{GPS[0]} m and {GPS[1]} m (time constant {WANDER_TAU:g} s), every combination of signs; published vision: scale "
+        f"{GPS[0]} m and {GPS[1]} m (time constant {WANDER_TAU:g} s), every pair of signs; published vision: scale "
         f"{100 * SCALE:.1f} %, half the mark's length {SIZE_PX} px.",
     ]
     return Outcome(figures, [plot], notes=notes)
