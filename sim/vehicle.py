@@ -211,6 +211,8 @@ def _with_unit(document: Mapping[str, Any], dotted: str, value: Any) -> Any:
 def _resolve(path: Path, document: Mapping[str, Any], settings: Collection[str] = ()) -> Vehicle:
     if document.get("kind") == "rig":
         raise UserError(f"{path}: kind: found 'rig', which does not fly; `helideck predict` and `diagnose` run rigs")
+    if document.get("kind") == "multirotor":
+        raise UserError(f"{path}: kind: found 'multirotor'; `land` flies helicopters, `diagnose` takes all kinds")
     file = toml_file.validate(document, VehicleFile, path, settings)
     reader = Reader(path, settings)
     for name in file.terms:
