@@ -136,7 +136,7 @@ def jobs(effort: Effort) -> Sequence[Job]:
         Job(hover, ("helideck", SEED, duration, True), "flow hover", cost=duration),
         Job(hover, ("published", SEED, duration, True), "flow hover, published", cost=duration),
     ]
-    seeds = range(100, 100 + many)
+    seeds = range(300, 300 + many)
     wanted += [
         Job(hovers, (tuple(seeds[k : k + AT_A_TIME]), duration), "flow hovers without pictures", cost=0.25 * duration)
         for k in range(0, many, AT_A_TIME)
