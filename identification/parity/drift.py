@@ -18,16 +18,18 @@ NODES = 2400  # at most
 RESTLESS = 2.0  # [m/s^1.5] random walk of the climb rate
 OFFSET = 100.0  # [m] of every sensor's zero
 TOGETHER = 1.0, 60.0  # [m], [s] slow error common to all barometers: weather, the air in the hull
-APART = 0.7, 60.0  # [m], [s] of each of them
+APART = 1.0, 60.0  # [m], [s] of each of them
 WANDER = 1.5, 100.0  # [m], [s] least slow error of a receiver's height
-PER_HDOP = 3.2  # [m] the same for each unit of the horizontal dilution: vertical is 1.6 times as uncertain, 2 m a range
+PER_HDOP = (
+    2.4  # [m] the same for each unit of the horizontal dilution: vertical is 1.6 times as uncertain, 1.5 m a range
+)
 UNKNOWN_HDOP = 1.5
 REFERENCE = 0.05, 100.0  # [m], [s]
 DOPPLER = 0.05, 30.0  # [m/s], [s] slow error of a receiver's climb rate
 DELAY = 0.7  # [s] by which a receiver's height may lag
 PORT = 0.5  # [1] share of the dynamic pressure that a barometer feels
 WASH = 4.0  # [m] a barometer's error from no to full throttle
-FLOORS: Mapping[str, float] = {"baro": 0.15, "gps": 0.2, "climb": 0.1, "reference": 0.01}
+FLOORS: Mapping[str, float] = {"baro": 0.25, "gps": 0.2, "climb": 0.1, "reference": 0.01}
 RATES = (0.1, 0.3, 1.0)  # [m/s] of a sensor that walks away, standard deviation
 LASTING = 15.0  # [s] for which it keeps its rate
 ODD = 0.01, 20.0  # share and size [m] of samples that are neither
@@ -98,6 +100,8 @@ def pose(heights: Heights) -> Problem | None:
         if kind == "baro":
             slow[name if len(heights.baro) > 1 else "baro_own"] = own = wander(*APART)
             row |= {own: 1.0, slow["baro"]: 1.0, port: speed**2 / 19.6, wash: throttle}
+            if len(heights.baro) > 1:  # each sits in air of its own
+                row |= {state(0.5 * PORT, np.inf): speed**2 / 19.6, state(0.5 * WASH, np.inf): throttle}
         elif kind == "gps":
             hdop = heights.hdop if np.isfinite(heights.hdop) else UNKNOWN_HDOP
             slow[name] = wander(max(WANDER[0], PER_HDOP * hdop), WANDER[1])
@@ -182,8 +186,9 @@ def evidence(problem: Problem, rates: Mapping[str, float] | None = None) -> floa
 
 
 def walk(problem: Problem, sensor: str, rates: Mapping[str, float]) -> Walk:
-    """The slow error of a sensor, smoothed (Rauch, Tung, Striebel)."""
-    _, means, covariances, ahead_means, ahead_covariances, f = _filter(problem, rates)
+    """The slow error of a sensor since its start, smoothed (Rauch, Tung, Striebel)."""
+    begun = problem.slow[sensor]  # at nothing: its level is an offset
+    _, means, covariances, ahead_means, ahead_covariances, f = _filter(problem, rates, begun)
     x, p = means[-1], covariances[-1]
     i = problem.slow[sensor]
     error, std = np.zeros(len(means)), np.zeros(len(means))
@@ -197,7 +202,9 @@ def walk(problem: Problem, sensor: str, rates: Mapping[str, float]) -> Walk:
     return Walk(problem.t, error, std)
 
 
-def _filter(problem: Problem, rates: Mapping[str, float]) -> tuple[float, Floats, Floats, Floats, Floats, Floats]:
+def _filter(
+    problem: Problem, rates: Mapping[str, float], begun: int | None = None
+) -> tuple[float, Floats, Floats, Floats, Floats, Floats]:
     sizes = problem.sizes.copy()
     keep = np.where(np.isinf(problem.taus), 1.0, np.exp(-problem.step / problem.taus))
     f = np.diag(keep)
@@ -210,7 +217,7 @@ def _filter(problem: Problem, rates: Mapping[str, float]) -> tuple[float, Floats
     s, dt = RESTLESS**2, problem.step
     q[:2, :2] += s * np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]])
     nodes, count = len(problem.t), len(sizes)
-    x, p = np.zeros(count), np.diag(sizes**2)
+    x, p = np.zeros(count), np.diag(np.where(np.arange(count) == begun, 0.0, sizes) ** 2)
     means, covariances = np.empty((nodes, count)), np.empty((nodes, count, count))
     ahead_means, ahead_covariances = np.empty((nodes, count)), np.empty((nodes, count, count))
     total, (odd, wide) = 0.0, ODD

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from flightlog.tables import Table
 from identification.causes.contract import Where
-from identification.null import CLASS_MARGIN, THRESHOLD
-from identification.parity import drift, events
+from identification.null import CLASS_MARGIN
+from identification.parity import alignment, drift, events
 from identification.parity.series import Heights, Series, collect
 from identification.verdict import (
     Asserted,
@@ -26,6 +26,7 @@ from identification.verdict import (
 
 Floats = NDArray[np.float64]
 
+THRESHOLD = 8.0  # [nats] above which a cause is asserted; no healthy log of the tests comes near
 PRIOR = 0.01  # that any one of these is at work
 SPLIT = {
     ("baro_drift", "gps_drift"): "a second height (ranger, mark, a second barometer or the receiver's own climb rate), "
@@ -44,6 +45,7 @@ class Finding:
     parameters: Mapping[str, Fitted]
     said: str  # what was seen, in words
     corrected: Callable[[Heights], Heights] | None = None  # with the cause taken out
+    witnesses: int = 3  # that measure the same: of two that differ none can be told to be wrong
 
 
 def judge(logs: Mapping[str, Mapping[str, Table]]) -> Verdict:
@@ -60,11 +62,16 @@ def judge(logs: Mapping[str, Mapping[str, Table]]) -> Verdict:
     comparable = False
     for name, tables in logs.items():
         heights = collect(tables)
+        alignment.check(name, heights)
         notes += [f"{name}: {note}" for note in heights.notes]
         seen |= _measured(heights)
         if len(heights.levels) + (heights.sonar is not None) < 2:
             notes.append(f"{name}: {_only(heights)}; nothing measures the same beside it")
             continue
+        apart = alignment.strangers(heights) and alignment.strangers(alignment.offset(heights)[1])
+        if apart:
+            notes.append(f"{name}: {apart[0]} and {apart[1]} do not move together: swapped, of another flight, or one "
+                         "of them broken; which walks away is not judged")  # fmt: skip
         comparable = True
         every[name] = {f.name: f for f in _examine(heights)}
         found = _asserted(every[name])
@@ -92,7 +99,10 @@ def judge(logs: Mapping[str, Mapping[str, Table]]) -> Verdict:
 def _examine(heights: Heights) -> list[Finding]:
     """Every cause on one flight. Jumps are counted first and left out of what walks slowly."""
     found: list[Finding] = []
-    clean = heights
+    late, clean = alignment.offset(heights)
+    if late is not None:
+        found.append(_late(late, clean))
+        heights = clean
     for topic, series in heights.baro.items():
         others = [s for s in heights.levels.values() if not s.name.startswith("baro")]
         others = others or [s for name, s in heights.baro.items() if name != topic]
@@ -101,12 +111,20 @@ def _examine(heights: Heights) -> list[Finding]:
         clean = replace(clean, baro={**clean.baro, topic: series.without(jumps.rows)})
     if heights.sonar is not None:
         found.append(_echoes(events.false_echoes(clean)))
-    found += _drifts(clean)
+    if alignment.strangers(clean) is None:
+        found += _drifts(clean)
     best: dict[str, Finding] = {}
     for finding in found:  # the worst of several devices
         if finding.name not in best or finding.log_bayes_factor > best[finding.name].log_bayes_factor:
             best[finding.name] = finding
     return list(best.values())
+
+
+def _late(late: alignment.Late, after: Heights) -> Finding:
+    either = " or ".join((late.topic, *late.others))
+    said = f"the clock of {either} is off by {late.delay:+.1f} s for {late.topic}; judged with it set right"
+    return Finding("clock_offset", "timing", late.log_bayes_factor, f"{late.topic}.t",
+                   {"delay": _known(late.delay, late.std, "s")}, said, lambda _: after)  # fmt: skip
 
 
 def _glitch(topic: str, jumps: events.Found) -> Finding:
@@ -158,12 +176,10 @@ def _drift(name: str, best: tuple[str, float], score: float, problem: drift.Prob
     walked = drift.walk(problem, sensor, {sensor: rate})
     moved = float(walked.error[-1] - walked.error[0])
     over = float(walked.t[-1] - walked.t[0])
-    std = float(np.hypot(walked.std[0], walked.std[-1]))
+    std = float(walked.std[-1])
     channel = f"{sensor}.{'u' if sensor.startswith('gps') else 'altitude'}"
     parameters = {
         "u" if sensor.startswith("gps") else "rate": _known(moved / over, std / over, "m/s"),
-        "std": _known(float(np.std(walked.error)), std, "m"),
-        "tau": _known(drift.LASTING, drift.LASTING, "s"),
     }
     said = f"{channel} walks by {moved:+.1f} +- {std:.1f} m in {over:.0f} s against the other sensors"
 
@@ -177,7 +193,7 @@ def _drift(name: str, best: tuple[str, float], score: float, problem: drift.Prob
             baro={k: right(s) if sensor in (k, "baro") else s for k, s in heights.baro.items()},
         )
 
-    return Finding(name, "sensor", score, channel, parameters, said, corrected)
+    return Finding(name, "sensor", score, channel, parameters, said, corrected, len(problem.names))
 
 
 def _known(value: float, std: float, unit: str, nominal: float = 0.0) -> Fitted:
@@ -209,7 +225,8 @@ def _answer(every: Mapping[str, Mapping[str, Finding]]) -> tuple[list[Asserted],
     best = {name: replace(f, log_bayes_factor=f.log_bayes_factor - flights) for name, f in best.items()}
     causes = []
     for f in _asserted(best):
-        near = [r for r in _rivals(f.name, best) if best[r].log_bayes_factor > f.log_bayes_factor - CLASS_MARGIN]
+        near = [r for r in _rivals(f.name, best)
+                if best[r].log_bayes_factor > f.log_bayes_factor - CLASS_MARGIN or f.witnesses < 3]  # fmt: skip
         split = next((text for pair, text in SPLIT.items() if f.name in pair and any(n in pair for n in near)), None)
         of_class = sum(_probability(n, best) for n in (f.name, *near))
         causes.append(Asserted(f.name, f.where, min(1.0, of_class), f.parameters, _gain(f, every), near, split))
@@ -297,11 +314,17 @@ def _not_testable(seen: set[str]) -> list[NotTestable]:
     """Of the catalogue what needs a vehicle, or a topic that is not there."""
     from identification.causes import CATALOGUE
 
-    mine = {"baro_glitch": ("baro",), "sonar_false_echo": ("sonar",), "baro_drift": ("baro",), "gps_drift": ("gps",)}
+    mine: Mapping[str, tuple[str, ...]] = {
+        "baro_glitch": ("baro",),
+        "sonar_false_echo": ("sonar",),
+        "baro_drift": ("baro",),
+        "gps_drift": ("gps",),
+        "clock_offset": (),
+    }
     found = []
     for name, needs in mine.items():
         lacking = [topic for topic in needs if topic not in seen]
-        if not lacking and len(seen) < 2:
+        if len(seen) < 2 and not lacking:
             lacking = ["a second height"]
         if lacking:
             found.append(NotTestable(name, lacking))
