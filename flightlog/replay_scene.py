@@ -31,22 +31,33 @@ def log_scene(rec: rr.RecordingStream, meshes: Mapping[str, Mesh], mark: Mark | 
     _ground(rec)
     if mark is not None:
         _pad(rec, mark)
+    log_vehicle(rec, meshes)
+
+
+def log_vehicle(
+    rec: rr.RecordingStream,
+    meshes: Mapping[str, Mesh],
+    place: str = "world/vehicle",
+    tint: tuple[float, float, float] | None = None,
+) -> None:
+    """Log a vehicle's meshes as static, axes where there are none; tint: a colour [0..1] that all its parts take."""
     for name, (vertices, faces, rgba) in meshes.items():
         corners, normals = shaded(np.asarray(vertices, float), np.asarray(faces))
+        colour = rgba if tint is None else (*(0.2 * np.array(rgba[:3]) + 0.8 * np.array(tint)), rgba[3])
         rec.log(
-            f"world/vehicle/{name}",
+            f"{place}/{name}",
             rr.Mesh3D(
                 vertex_positions=corners,
                 triangle_indices=np.arange(len(corners), dtype=np.uint32).reshape(-1, 3),
                 vertex_normals=normals,
-                albedo_factor=np.round(np.clip(rgba, 0.0, 1.0) * np.float64(255.0)).astype(np.uint8),
+                albedo_factor=np.round(np.clip(colour, 0.0, 1.0) * np.float64(255.0)).astype(np.uint8),
             ),
             static=True,
         )
     if not meshes:
         axes = np.eye(3) * 0.6
         rec.log(
-            "world/vehicle/axes",
+            f"{place}/axes",
             rr.Arrows3D(vectors=axes, colors=[(255, 90, 90), (110, 220, 110), (110, 150, 255)], radii=0.02),
             static=True,
         )

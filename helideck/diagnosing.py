@@ -1,6 +1,5 @@
 """What `helideck diagnose` does: logs and a vehicle in; verdict, extended vehicle, gain and report out."""
 
-import importlib.util
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
@@ -8,12 +7,17 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+import mujoco
+import numpy as np
+
 from flightlog.errors import UserError
 from helideck.estimation import find_mapping
-from identification import extension, gain
+from identification import extension, gain, parity
+from identification.closed_loop import Landing
 from identification.diagnosis import Diagnosis, examine, open_bench
+from identification.helicopter import HelicopterBench
 from identification.logs import Flights, read
-from identification.report import Findings, Landing
+from identification.report import Findings
 from identification.report.drivers import visited
 from identification.verdict import NotTestable, Verdict
 from sim import vehicle as vehicles
@@ -70,6 +74,7 @@ def diagnose(
     normal: Sequence[Path] = (),
     heldout: Sequence[Path] = (),
     mapping: Path | None = None,
+    landings: int = 0,
     progress: Progress = lambda done, of, text: None,
 ) -> Answer:
     """Diagnose logs and write what comes of it into a folder, which is made.
@@ -81,6 +86,7 @@ def diagnose(
         normal: logs of flights known to be good, to which the vehicle's numbers are fitted first.
         heldout: logs that are used for the gain alone.
         mapping: what a CSV's columns are.
+        landings: to fly with the vehicle as it was and as extended.
         progress: told (steps done, steps in all, what is being done).
 
     Raises:
@@ -121,7 +127,15 @@ def diagnose(
             progress(4, STEPS, "extending the vehicle")
             made = _extend(found, verdict, flights, folder)
             verdict = replace(verdict, extended_vehicle=str(made.path))
-    return Answer(verdict, flights, others, flown, found, measured, made, folder)
+    flights_flown: list[Landing] = []
+    if landings and made is not None:
+        from helideck.closed_loop import fly_both
+
+        flights_flown = fly_both(found.bench, made, flights, landings)
+    if verdict.baseline.certified:
+        progress(4.5, STEPS, "recording")
+        record(found, measured, folder / "replay.rrd")
+    return Answer(verdict, flights, others, flown, found, measured, made, folder, flights_flown)
 
 
 def new_folder(log: Path) -> Path:
@@ -143,9 +157,7 @@ def _make(folder: Path) -> None:
 
 def _without_model(flights: Flights, folder: Path) -> Answer:
     """Redundant sensors against each other, and rigid-body kinematics."""
-    if importlib.util.find_spec("identification.parity") is None:
-        raise UserError("without --vehicle there is no model to judge; name one (`helideck list vehicles`)")
-    verdict: Verdict = import_module("identification.parity").judge(flights.tables)
+    verdict = parity.judge(flights.tables)
     verdict = replace(_limited(verdict, flights), notes=[*flights.notes, *verdict.notes])
     return Answer(verdict, flights, None, None, None, None, None, folder)
 
@@ -160,6 +172,26 @@ def _limited(verdict: Verdict, flights: Flights) -> Verdict:
         verdict, causes=[cause for cause in verdict.causes if cause.where != "timing"],
         not_testable=[*verdict.not_testable, *(NotTestable(name, needs) for name in timing)],
     )  # fmt: skip
+
+
+def record(found: Diagnosis, measured: gain.Gain | None, file: Path) -> None:
+    """The most telling flight as measured and as the model has it, as helicopters in one recording."""
+    if not isinstance(found.bench, HelicopterBench):
+        return
+    from flightlog.replay_pair import write_pair
+    from identification.report import tracks
+    from sim.shapes import vehicle_meshes
+
+    gained = [0.0] * len(found.bench.names)
+    if measured is not None and measured.judged is found.bench:
+        gained = [float(np.sum(item.before**2 - item.after**2)) for item in measured.residuals]
+    flight = int(np.argmax(gained))
+    before = tracks.simulated(found.bench, flight, found.search.null, "model as it was")
+    shown = [tracks.measured(found.bench, flight), before]
+    if found.causes:
+        shown.append(tracks.simulated(found.bench, flight, found.search.fit(found.causes), "extended model"))
+    meshes = vehicle_meshes(mujoco.MjModel.from_xml_path(str(found.bench.vehicle.model)))
+    write_pair(file, shown, meshes, None, f"diagnosis of {found.bench.names[flight]}")
 
 
 def _extend(found: Diagnosis, verdict: Verdict, flights: Flights, folder: Path) -> Vehicle:

@@ -65,7 +65,7 @@ class Diagnose:
         with share_progress("diagnosis") as progress:
             answer = diagnose(
                 self.logs, folder=folder, vehicle=self.vehicle, normal=self.normal, heldout=self.heldout,
-                mapping=self.mapping, progress=progress,
+                mapping=self.mapping, landings=self.fly, progress=progress,
             )  # fmt: skip
             progress(5, 6, "writing the report")
             write_report(answer.findings, folder)

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from identification.report.findings import Findings as Findings
-from identification.report.findings import Landing as Landing
 from identification.report.findings import sentence as sentence
 
 

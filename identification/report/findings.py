@@ -3,20 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from identification.closed_loop import Landing
 from identification.diagnosis import Diagnosis
 from identification.gain import Gain
 from identification.verdict import Asserted, Verdict
-
-
-@dataclass(frozen=True)
-class Landing:
-    """One flight in closed loop."""
-
-    vehicle: str  # "before" or "after"
-    seed: int
-    offset_m: float | None  # at touchdown, from the pad's centre; None where it did not land
-    sink_m_s: float | None
-    drift_m_s: float | None
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from identification.report.power import power
 
 CANDIDATES = 12  # shown
 PROBABLE = 0.001
+MODELS = {"measured": "measured", "before": "model as it was", "after": "extended"}
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ def _candidates(findings: Findings) -> Table:
 
 def _landings(findings: Findings) -> Table:
     rows = [
-        (f"seed {item.seed}", item.vehicle, number(item.offset_m), number(item.sink_m_s), number(item.drift_m_s))
+        (item.name, MODELS[item.of], number(item.offset_m), number(item.sink_m_s), number(item.drift_m_s))
         for item in findings.landings
     ]
     head = ("flight", "model", "touchdown off the centre [m]", "sinking [m/s]", "drifting [m/s]")
