@@ -18,9 +18,9 @@ def declared(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]
 
 
 def offsets(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]:
-    """Bias of the force as the model meets it.
+    """Bias of force and rate as the model meets them.
 
-    The filter of the motion has it as a state and its innovations are free of it already.
+    The filter of the motion has them as states and its innovations are free of them already.
     """
     numbers = vehicle.sensors["imu"].numbers
     found = []
@@ -29,6 +29,7 @@ def offsets(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]
         column[:, axis] = 1.0
         std = float(np.hypot(numbers["accel_bias_std"], FORCE_FLOOR))
         found.append((f"local.force_{axis}", Change(force=column), std))
+        found.append((f"local.rate_{axis}", Change(rate=column), numbers["gyro_bias_std"]))
     return found
 
 

@@ -1,6 +1,7 @@
 """One flight in linear form: innovations, and what every parameter does to them."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,7 @@ from identification.causes import CATALOGUE, Cause, Change
 from identification.declared import declared, offsets
 from identification.drive import Driven, Noise, gust_slopes, judge
 from identification.flight import SETTLED, Flight
+from identification.grid import turned
 from identification.model import Model, tolerance_of
 from identification.noise_fit import Settled
 from identification.stack import Rows
@@ -18,7 +20,13 @@ from sim.vehicle import Vehicle
 Floats = NDArray[np.float64]
 
 DRIVEN = 100  # number of the first channel of the model's; below stand those of the sensors
+# what shows in a tenth of a second needs the simulator's own tick for its slope too
+QUICK = (
+    "terms.servo.delay", "terms.servo.tau", "terms.servo.rate_limit", "terms.flapping", "terms.hub", "inertia",
+    "terms.deadband", "terms.cg_offset", "rotor.nominal_speed", "sensors.imu.position", "terms.main_rotor.inflow_mass",
+)  # fmt: skip
 WIND_STEP = 0.5  # [m/s]
+RATE_STEP = 0.01  # [rad/s]
 WINDS = ("wind.e", "wind.n")
 
 
@@ -40,16 +48,37 @@ def knob_slopes(
     for key in keys:
         knob = model.knobs[key]
         steps[key] = knob.step if at.get(key, knob.nominal) + knob.step <= knob.high else -knob.step
-    moved = [at | {key: at.get(key, model.knobs[key].nominal) + step} for key, step in steps.items()]
-    base, *found = model.answers(flight.drive, [(wind, changes, still) for changes in [at, *moved]])
-    return {key: (answer - base) / steps[key] for key, answer in zip(keys, found, strict=True)}
+    moved = {key: at | {key: at.get(key, model.knobs[key].nominal) + step} for key, step in steps.items()}
+    slopes = {}
+    for coarse in (False, True):
+        chosen = [key for key in keys if key.startswith(QUICK) is not coarse]
+        if not chosen:
+            continue
+        runs = [(wind, at, still), *((wind, moved[key], still) for key in chosen)]
+        base, *found = model.answers(flight.drive, runs, coarse)
+        slopes |= {key: (answer - base) / steps[key] for key, answer in zip(chosen, found, strict=True)}
+    return slopes
 
 
-def wind_slopes(model: Model, flight: Flight, wind: Floats) -> dict[str, Floats]:
+def wind_slopes(model: Model, flight: Flight, wind: Floats, at: Mapping[str, float]) -> dict[str, Floats]:
     """Derivative (N, 7) of the answer by the wind at 10 m, east and north."""
     still, steps = np.zeros(3), WIND_STEP * np.eye(3)[:2]
-    runs = model.answers(flight.drive, [(wind + sign * s, {}, still) for s in steps for sign in (1.0, -1.0)])
+    runs = model.answers(flight.drive, [(wind + sign * s, at, still) for s in steps for sign in (1.0, -1.0)])
     return {name: (runs[2 * i] - runs[2 * i + 1]) / (2.0 * WIND_STEP) for i, name in enumerate(WINDS)}
+
+
+def rate_slopes(
+    model: Model, flight: Flight, wind: Floats, rates: Mapping[str, Floats], at: Mapping[str, float]
+) -> dict[str, Floats]:
+    """Derivative (N, 7) of the answer by what the gyro reads too much: rates (N, 3) [rad/s] by key."""
+    if not rates:
+        return {}
+    drive = flight.drive
+    sizes = {key: RATE_STEP / max(float(np.abs(rate).max()), 1e-9) for key, rate in rates.items()}
+    still = np.zeros((len(flight.motion.t), 3))
+    grids = [turned(drive.coarse, rate) for rate in [still, *(rates[key] * sizes[key] for key in rates)]]
+    base, *found = model.answers_on([replace(drive, coarse=grid) for grid in grids], wind, at)
+    return {key: (answer - base) / sizes[key] for key, answer in zip(rates, found, strict=True)}
 
 
 class Sheet:
@@ -82,6 +111,7 @@ class Sheet:
         self.local_keys = [key for key, _, _ in (*known, *stand_off)]
         self.local_std: Floats = np.array([self.spread, self.spread, *(std for _, _, std in (*known, *stand_off))])
         self._measured = {key: np.zeros((nodes, 7)) for key in changes}
+        self._rates = {key: change.rate for key, change in changes.items() if change.rate is not None}
         dz = np.zeros((scalars, len(changes)))
         df, dw = np.zeros((nodes, 3, len(changes))), np.zeros((nodes, 3, len(changes)))
         for c, (key, change) in enumerate(changes.items()):
@@ -98,22 +128,27 @@ class Sheet:
         self._above = dict(zip(changes, above.T, strict=True))
         for key, change, _ in stand_off:
             self._measured[key] = np.zeros((nodes, 7))
-            self._measured[key][:, :3] = change.force
+            if change.force is not None:
+                self._measured[key][:, :3] = change.force
+            if change.rate is not None:
+                self._rates[key] = change.rate
+        # what is local is often what a cause would change too
+        self._same = {key: key.removeprefix("local.") for key in self._rates if key.removeprefix("local.") in changes}
+        self._rates = {key: rate for key, rate in self._rates.items() if self._same.get(key, key) == key}
 
     def linearise(self, at: Mapping[str, float] | None = None) -> None:
-        """Take all slopes anew, about the present wind."""
-        self.slopes = knob_slopes(self.model, self.flight, self.wind, self.keys, at)
-        self.relinearise_wind()
-
-    def relinearise_wind(self) -> None:
-        """Take what belongs to the air anew."""
-        self.by_wind = wind_slopes(self.model, self.flight, self.wind)
-        self.gust = gust_slopes(self.model, self.flight, self.wind)
+        """Take all slopes anew about some knobs' values (the nominal ones where not given) and the present wind."""
+        self.at = {key: (at or {}).get(key, self.model.knobs[key].nominal) for key in self.keys}
+        self.slopes = knob_slopes(self.model, self.flight, self.wind, self.keys, self.at)
+        self.by_wind = wind_slopes(self.model, self.flight, self.wind, self.at)
+        found = rate_slopes(self.model, self.flight, self.wind, self._rates, self.at)
+        self.by_rate = found | {key: found[of] for key, of in self._same.items()}
+        self.gust = gust_slopes(self.model, self.flight, self.wind, self.at)
 
     def whiten(self, noise: Noise) -> None:
         """Whiten everything under these noise levels."""
         self.noise = noise
-        self._driven = self.driven({})
+        self._driven = self.driven(self.at)
         self.columns = self._columns(self.slopes | self.by_wind, self._measured)
 
     def driven(self, changes: Mapping[str, float]) -> Driven:
@@ -122,12 +157,14 @@ class Sheet:
         return judge(self.flight, self.wind, answer, self.gust, self.noise)
 
     def settled(self, values: Mapping[str, float], local: Floats) -> Settled:
-        """The flight with the answer as these changes (by key) and locals (L,) make it, to first order."""
-        answer = self.model.answer(self.flight.drive, self.wind)
+        """The flight with the answer as changes from the expansion point (by key) and locals (L,) make it."""
+        answer = self.model.answer(self.flight.drive, self.wind, self.at)
         seen = np.zeros_like(answer)
         for key, value in (*values.items(), *zip(self.local_keys, local[2:].tolist(), strict=True)):
             if key in self.slopes:
                 answer += self.slopes[key] * value
+            if key in self.by_rate:
+                answer += self.by_rate[key] * value
             if key in self._measured:
                 seen += self._measured[key] * value
         for i, name in enumerate(WINDS):
@@ -139,6 +176,7 @@ class Sheet:
 
     def refresh(self, keys: Sequence[str], at: Mapping[str, float]) -> None:
         """Take the slopes of some knobs anew about a changed model."""
+        self.at |= {key: at.get(key, self.model.knobs[key].nominal) for key in keys}
         found = knob_slopes(self.model, self.flight, self.wind, keys, at)
         self.slopes |= found
         self.columns |= self._columns(found, {})
@@ -150,7 +188,7 @@ class Sheet:
         nodes, scalars = len(self.flight.motion.t), len(self.flight.motion.kinds)
         nothing = np.zeros((nodes, 7))
         # a model that answers more would expect more: its signature is what its answer lacks
-        answer = np.stack([*model.values(), *(nothing for _ in measured)], axis=-1)
+        answer = np.stack([*model.values(), *(self.by_rate.get(key, nothing) for key in measured)], axis=-1)
         seen = np.stack([*(nothing for _ in model), *measured.values()], axis=-1)
         below = self._driven.whiten(-answer, self.noise, seen).reshape(7 * nodes, len(keys))
         empty = np.zeros(scalars)
@@ -163,7 +201,7 @@ class Sheet:
 
     def residual(self, knobs: Mapping[str, float]) -> Floats:
         """Whitened innovations (R,) with some knobs changed; zero where they do not count."""
-        driven = self._driven if not knobs else self.driven(knobs)
+        driven = self.driven(knobs)
         residual = np.concatenate([self.flight.motion.whitened, driven.residual.ravel()])
         residual[~self._late] = 0.0
         return residual

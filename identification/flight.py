@@ -28,7 +28,7 @@ SETTLED = 1.0  # [s] until the filter knows where it is
 LEAST_SAMPLES = 40  # to take a noise level from
 LEAST_FACTOR = 0.4  # of the declared one
 PAD_FLOOR, ANGLE_FLOOR = 0.0005, 5e-4  # [m], [rad] that no front end is better than
-TACH_SPAN = 0.1  # [s] over which the tachometer is smoothed
+TACH_SPAN = 0.3  # [s] over which the tachometer is smoothed
 CHI2_MEDIAN = 0.4549  # median of chi-square with one degree of freedom
 
 
@@ -102,7 +102,7 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
     speed = tables["rotor"]
     sticks = np.nan_to_num(tables["controls"].stack("collective", "lateral", "longitudinal", "tail", "throttle"))
     course = Course(
-        imu_t, samples, smooth(imu[:, 3:], _samples_a_turn(imu_t)), rotor,
+        imu_t, samples, imu[:, 3:], rotor,
         np.asarray(tables["controls"]["t"], float), sticks,
     )  # fmt: skip
     fine, coarse = (lay(course, edges, pressure, temperature, rough) for rough in (False, True))

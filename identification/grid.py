@@ -51,7 +51,7 @@ class Course:
 
     t: Floats
     motion: Floats  # (S, 10) position, velocity, quaternion after each sample
-    rates: Floats  # (S, 3) without the rotor's vibration
+    rates: Floats  # (S, 3) without the rotor's shake
     rotor: Floats  # (S,) [rad/s]
     sent_t: Floats  # (C,) [s]
     sent: Floats  # (C, 5) controls in force from then on
@@ -115,6 +115,18 @@ def lay(course: Course, edges: Ints, pressure: float, temperature: float, coarse
         table[:, CONTROLS : CONTROLS + 5] = 0.5 * (course.sent[held] + course.sent[late])
     table[:, SEEN], table[:, EARLY] = seen, early
     return Grid(np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), table)
+
+
+def turned(grid: Grid, rates: Floats) -> Grid:
+    """The grid with more rate: (N, 3) means of the nodes, body axes."""
+    edges = grid.edges
+    ends = np.cumsum(grid.table[:, DT])
+    bounds = np.concatenate([[0.0], ends])[edges]
+    middle = 0.5 * (bounds[1:] + bounds[:-1])
+    table = grid.table.copy()
+    for axis in range(3):
+        table[:, RATES + axis] += np.interp(ends - 0.5 * table[:, DT], middle, rates[:, axis])
+    return Grid(edges, table)
 
 
 def rotations(q: Floats) -> Floats:

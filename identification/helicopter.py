@@ -16,6 +16,7 @@ from identification.dynamics import CHANNELS, UNITS
 from identification.evidence import Sheet
 from identification.flight import Flight, prepare
 from identification.model import Model
+from identification.refit import refit
 from identification.stack import Rows
 from sim.vehicle import Vehicle
 
@@ -25,8 +26,10 @@ START = Noise(
     gust_std=(0.33, 0.33, 0.3), gust_tau=5.0, process=(0.0, 0.0, 0.0, 2e-3, 1e-3, 1e-3, 0.05),
     noise=(0.05, 0.05, 0.05, 1e-3, 1e-3, 1e-3, 0.22),
 )  # fmt: skip
-ROUNDS = 2  # of the noise fit
-WIND_ROUNDS = 2
+ROUNDS = 2  # of everything set free
+FREE_ROUNDS = 3  # of the fit in each
+ROUGH = ("actuator_deadband",)  # causes of which a slope says little
+MOVED = 0.5  # of a tolerance, beyond which a slope is taken anew
 
 SCALAR_UNITS = {"gps": "m", "baro": "m", "sonar": "m", "mag": "uT", "pad": "m"}
 
@@ -51,17 +54,19 @@ class HelicopterBench:
         }
         self._describe()
         self.sheets = [Sheet(self.model, flight, self.causes, self._knob_keys) for flight in self.flights]
-        noise: Noise = like.noise if like is not None else START
+        self.noise: Noise = like.noise if like is not None else START
         for sheet in self.sheets:
-            self._find_wind(sheet, noise)
-        self.noise: Noise = noise if like is not None else self._fit_noise()
+            sheet.linearise()
+            sheet.whiten(self.noise)
+        for _ in range(ROUNDS):
+            self._settle(fit_noise=like is None)
         self.baseline = self._judge()
 
     def rows(self, flight: int, changes: Mapping[str, float], fresh: Collection[str] = ()) -> Rows:
         """See `Bench.rows`."""
         sheet = self.sheets[flight]
         knobs = {key: value for key, value in changes.items() if key in self.model.knobs}
-        wanted = [key for key in self._knob_keys if key in fresh]
+        wanted = [key for key in self._knob_keys if key in fresh and self._moved(sheet, key, knobs)]
         if wanted:
             sheet.refresh(wanted, knobs)
         residual = sheet.residual(knobs)
@@ -94,30 +99,31 @@ class HelicopterBench:
             return float(self.vehicle.sensors[topic].numbers.get(name, declared))
         return declared
 
-    def _find_wind(self, sheet: Sheet, noise: Noise) -> None:
-        """The mean wind that explains a flight best under the nominal model; all slopes are taken there."""
-        sheet.linearise()
-        for _ in range(WIND_ROUNDS):
-            sheet.whiten(noise)
-            _, local, _ = ev.solve(sheet.rows(sheet.residual({})), self.tolerances)
-            sheet.wind = np.array([*local[:2], 0.0])
-            sheet.relinearise_wind()
-        sheet.linearise()
+    def _moved(self, sheet: Sheet, key: str, knobs: Mapping[str, float]) -> bool:
+        """Whether a slope was taken too far from where the model is now."""
+        scale = self.tolerances.get(key, 0.0) or self.spreads[key]
+        return abs(knobs.get(key, self.nominal[key]) - sheet.at[key]) > MOVED * scale
 
-    def _fit_noise(self) -> Noise:
-        """Noise levels from what is left after everything that has a name was taken out."""
-        noise = START
-        wide = {key: max(self.tolerances.get(key, 0.0), self.spreads.get(key, 0.0)) for key in self.nominal}
-        for _ in range(ROUNDS):
-            settled = []
-            for sheet in self.sheets:
-                sheet.whiten(noise)
-                values, local, _ = ev.solve(sheet.rows(sheet.residual({})), wide)
-                settled.append(sheet.settled(values, local))
-            noise = noise_fit.fit(noise, settled)
+    def _settle(self, fit_noise: bool) -> None:
+        """Everything that has a name is set free: wind, slopes and noise are taken where that leads.
+
+        So the noise is what no cause explains, whether a cause is at work or not.
+        """
+        free = [cause for cause in self.causes if cause.name not in ROUGH]
+        freed = refit(self, free, rounds=FREE_ROUNDS)
+        reached = {key: self.bounded(key, freed.at.get(key, self.nominal[key]) + freed.step[key]) for key in freed.step}
+        knobs = {key: value for key, value in reached.items() if key in self.model.knobs}
+        settled = []
+        for i, sheet in enumerate(self.sheets):
+            _, local, _ = ev.solve(self.rows(i, reached), {})
+            sheet.wind = np.array([*local[:2], 0.0])
+            sheet.linearise(knobs)
+            sensors = {key: reached[key] - self.nominal[key] for key in reached if key not in knobs}
+            settled.append(sheet.settled(sensors, local))
+        if fit_noise:
+            self.noise = noise_fit.fit(self.noise, settled)
         for sheet in self.sheets:
-            sheet.whiten(noise)
-        return noise
+            sheet.whiten(self.noise)
 
     def _judge(self) -> Baseline:
         names = [channel.name for number, channel in sorted(self.channels.items()) if number >= ev.DRIVEN]

@@ -115,11 +115,16 @@ class Model:
         )
 
     def answers(
-        self, drive: Drive, runs: Sequence[tuple[Floats, Mapping[str, float], Floats]]
+        self, drive: Drive, runs: Sequence[tuple[Floats, Mapping[str, float], Floats]], coarse: bool = True
     ) -> list[Floats]:
-        """Many answers (N, 7) in long steps, each for its (wind, changes, puff), on all cores."""
+        """Many answers (N, 7), each for its (wind, changes, puff), on all cores."""
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            return list(pool.map(lambda run: self.answer(drive, run[0], run[1], run[2], coarse=True), runs))
+            return list(pool.map(lambda run: self.answer(drive, run[0], run[1], run[2], coarse), runs))
+
+    def answers_on(self, drives: Sequence[Drive], wind: Floats, changes: Mapping[str, float]) -> list[Floats]:
+        """Answers (N, 7) in long steps along several drives, on all cores."""
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return list(pool.map(lambda drive: self.answer(drive, wind, changes, coarse=True), drives))
 
     def _knobs(self) -> Sequence[Knob]:
         document = self.vehicle.document

@@ -74,6 +74,7 @@ def refit(
     causes: Sequence[Cause],
     start: Mapping[str, float] | None = None,
     flights: Sequence[int] | None = None,
+    rounds: int = ROUNDS,
 ) -> Refit:
     """Fit these causes together, everything that has a tolerance with them; `start`: absolute values to begin at.
 
@@ -88,7 +89,7 @@ def refit(
     fresh: set[str] = {key for key in at if key in prior}
     best: tuple[dict[str, float], _Solved, Stack, float] | None = None
     share = 1.0
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         rows = [bench.rows(i, at, fresh) for i in which]
         s = stack(rows, list(rows[0].signatures))
         std = np.array([prior.get(key, 0.0) for key in s.keys])
