@@ -1,0 +1,231 @@
+"""Sums up blind results: the gate table, and detection against signature strength with the theoretical curve."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import binomtest, ncx2
+
+from benchmarks.blind_judge import Record
+from identification.null import THRESHOLD
+
+STRONG, MIDDLE, HOPELESS = 10.0, 6.0, 3.0  # d'
+OCCAM = 3.0  # [nats] that a parameter's wide prior costs, about log(spread over standard deviation)
+SURE = 0.9
+
+
+@dataclass(frozen=True)
+class Line:
+    """One figure against its gate."""
+
+    figure: str
+    of: int
+    value: float | None
+    gate: str
+    met: bool | None
+    interval: tuple[float, float] | None = None
+
+    def markdown(self) -> str:
+        """A row of the table."""
+        value = "-" if self.value is None else f"{self.value:.3g}"
+        span = "" if self.interval is None else f" ({self.interval[0]:.2f}-{self.interval[1]:.2f})"
+        met = {None: "", True: "yes", False: "no"}[self.met]
+        return f"| {self.figure} | {self.of} | {value}{span} | {self.gate} | {met} |"
+
+
+def strongest(record: Record) -> float:
+    """d' of the weakest effect of a set; NaN where unknown."""
+    return min(record.strength.values(), default=math.nan)
+
+
+def named(record: Record) -> set[str]:
+    """Names asserted."""
+    return {item["name"] for item in record.asserted}
+
+
+def classes(record: Record) -> set[str]:
+    """Names asserted, and those declared confusable with them."""
+    return named(record) | {name for item in record.asserted for name in item["confusable_with"]}
+
+
+def true(record: Record) -> set[str]:
+    """What is wrong."""
+    return {item["name"] for item in record.truth}
+
+
+def right_place(record: Record) -> bool:
+    """All that is asserted lies where the truth does: plant, sensor or timing."""
+    return {item["where"] for item in record.asserted} == {item["where"] for item in record.truth}
+
+
+def share(
+    figure: str, records: Sequence[Record], good: Callable[[Record], bool], gate: float, *, least: bool = True
+) -> Line:
+    """The share of records for which `good` holds, with its 95 % interval."""
+    if not records:
+        return Line(figure, 0, None, f"{'>=' if least else '<='} {gate:g}", None)
+    hits = sum(good(record) for record in records)
+    found = binomtest(hits, len(records)).proportion_ci(method="wilson")
+    value = hits / len(records)
+    met = value >= gate if least else value <= gate
+    return Line(figure, len(records), value, f"{'>=' if least else '<='} {gate:g}", met, (found.low, found.high))
+
+
+def lines(records: Sequence[Record]) -> list[Line]:
+    """The whole gate table."""
+    sound = [r for r in records if r.error is None]
+
+    def of(*parts: str) -> list[Record]:
+        return [r for r in sound if r.job["part"] in parts]
+
+    singles = [r for r in of("single", "hard")]
+    strong = [r for r in singles if strongest(r) >= STRONG]
+    middle = [r for r in singles if MIDDLE <= strongest(r) < STRONG]
+    detected = [r for r in strong if r.asserted]
+    named_at_all = [r for r in of("single", "hard", "weak", "null") if r.asserted]
+    hopeless = [r for r in of("weak", "single") if strongest(r) < HOPELESS]
+    pairs = [r for r in of("pair") if len(r.strength) == 2 and strongest(r) >= STRONG]
+    unknown = of("unknown")
+    found = [
+        share("false alarms", of("null"), lambda r: bool(r.asserted), 0.01, least=False),
+        share("detected, d' >= 10", strong, lambda r: bool(r.asserted), 0.95),
+        share("detected, d' 6 to 10", middle, lambda r: bool(r.asserted), 0.70),
+        share("named exactly, d' >= 10", strong, lambda r: named(r) == true(r), 0.95),
+        share("named among others, d' >= 10", strong, lambda r: true(r) <= named(r), 0.95),
+        share("class holds it, d' >= 10", strong, lambda r: true(r) <= classes(r), 0.98),
+        share("plant, sensor or timing, of detected", detected, right_place, 0.98),
+        share("a wrong name at p > 0.9", named_at_all, wrongly_sure, 0.01, least=False),
+        share("nothing named, d' < 3", hopeless, lambda r: not r.asserted, 0.95),
+        *_intervals(singles),
+        share("two effects exactly", pairs, lambda r: named(r) == true(r), 0.80),
+        share("two effects, classes", pairs, lambda r: true(r) <= classes(r), 0.90),
+        share("unknown flagged", unknown, lambda r: bool(r.unexplained), 0.90),
+        share("unknown, right channel", unknown, _channel, 0.95),
+        share("unknown, right driver", unknown, _driver, 0.85),
+        share("stress: false alarms", of("stress null"), lambda r: bool(r.asserted), 0.02, least=False),
+        share("stress: named exactly, d' >= 10", [r for r in of("stress single") if strongest(r) >= STRONG],
+              lambda r: named(r) == true(r), 0.90),
+        share("thin logs: false alarms", [r for r in of("thin") if not r.truth], lambda r: bool(r.asserted), 0.02,
+              least=False),
+        share("hard pairs, name or class with a manoeuvre", of("hard"), _resolved, 0.90),
+    ]  # fmt: skip
+    if sound:
+        walls = np.array([r.wall_s for r in sound])
+        memory = max(r.memory_mb for r in sound)
+        median, worst = float(np.median(walls)), float(walls.max())
+        found += [
+            Line("a verdict, median [s]", len(sound), median, "<= 10", median <= 10.0),
+            Line("a verdict, worst [s]", len(sound), worst, "<= 30", worst <= 30.0),
+            Line("memory, most [MiB]", len(sound), memory, "<= 2048", memory <= 2048.0),
+        ]
+    return found
+
+
+def wrongly_sure(record: Record) -> bool:
+    """A cause asserted at p > 0.9 that neither is at work nor shares a class with one that is."""
+    return any(
+        item["probability"] > SURE and not ({item["name"], *item["confusable_with"]} & true(record))
+        for item in record.asserted
+    )
+
+
+def _channel(record: Record) -> bool:
+    return record.shows is not None and any(item["channel"] == record.shows[0] for item in record.unexplained)
+
+
+def _driver(record: Record) -> bool:
+    return record.shows is not None and any(record.shows[1] in item["depends_on"] for item in record.unexplained)
+
+
+def _resolved(record: Record) -> bool:
+    """The name itself, or a class that holds it and says which manoeuvre would tell."""
+    return any(
+        item["name"] in true(record) or (set(item["confusable_with"]) & true(record) and item["split_by"])
+        for item in record.asserted
+    )
+
+
+def _intervals(records: Sequence[Record]) -> list[Line]:
+    """Coverage of the 95 % intervals, and the spread of the errors over their stated standard deviation."""
+    cases = [case for r in records for case in r.intervals if case["std"] and case["std"] > 0.0]
+    if not cases:
+        return [Line("95 % intervals that hold the truth", 0, None, "0.93-0.97", None)]
+    inside = np.mean([case["ci95"][0] <= case["true"] <= case["ci95"][1] for case in cases])
+    z = np.array([(case["value"] - case["true"]) / case["std"] for case in cases])
+    spread = 1.4826 * float(np.median(np.abs(z)))
+    return [
+        Line("95 % intervals that hold the truth", len(cases), float(inside), "0.93-0.97", 0.93 <= inside <= 0.97),
+        Line("errors over stated std, robust", len(cases), spread, "0.9-1.1", 0.9 <= spread <= 1.1),
+    ]
+
+
+def by_cause(records: Sequence[Record]) -> str:
+    """A table: each catalogue entry, how often it was seen, named, and what was named in its place."""
+    rows = ["| cause | sets | d' median | detected | named | class | named instead |", "|---|---|---|---|---|---|---|"]
+    singles = [r for r in records if r.error is None and r.job["part"] in ("single", "hard")]
+    for name in sorted({next(iter(true(r))) for r in singles if len(r.truth) == 1}):
+        own = [r for r in singles if true(r) == {name}]
+        instead = sorted({n for r in own for n in named(r) - {name}})
+        values = [strongest(r) for r in own if not math.isnan(strongest(r))]
+        rows.append(
+            f"| {name} | {len(own)} | {np.median(values) if values else math.nan:.1f} | "
+            f"{sum(bool(r.asserted) for r in own)} | {sum(name in named(r) for r in own)} | "
+            f"{sum(name in classes(r) for r in own)} | {', '.join(instead)} |"
+        )
+    return "\n".join(rows)
+
+
+def expected(strength: np.ndarray, parameters: int = 1) -> np.ndarray:
+    """Probability that an effect of this d' is seen: twice the likelihood ratio is noncentral chi-square."""
+    needed = 2.0 * (THRESHOLD + OCCAM * parameters)
+    return np.asarray(ncx2.sf(needed, parameters, np.maximum(strength, 1e-9) ** 2))
+
+
+def write(records: Sequence[Record], folder: Path) -> str:
+    """summary.md and detection.png; returns the summary."""
+    table = "\n".join(["| figure | sets | measured (95 %) | gate | met |", "|---|---|---|---|---|",
+                       *(line.markdown() for line in lines(records))])  # fmt: skip
+    failed = [r for r in records if r.error is not None]
+    text = f"{table}\n\n{by_cause(records)}\n"
+    if failed:
+        text += "\nFailed:\n\n" + "\n".join(f"- {r.job['part']} {r.job['seed']}: {r.error}" for r in failed) + "\n"
+    (folder / "summary.md").write_text(text)
+    draw(records, folder / "detection.png")
+    return text
+
+
+def draw(records: Sequence[Record], path: Path) -> None:
+    """Detected share by d', in bins with their intervals, against the curve."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    known = [(strongest(r), any(item["name"] for item in r.asserted)) for r in records
+             if r.error is None and r.job["part"] in ("single", "weak", "hard") and r.strength]  # fmt: skip
+    figure, axes = plt.subplots(figsize=(7.0, 4.2))
+    at = np.geomspace(0.3, 300.0, 300)
+    for parameters, style in ((1, "-"), (3, "--")):
+        axes.plot(at, expected(at, parameters), style, color="0.4",
+                  label=f"noncentral chi-square, {parameters} parameter(s)")  # fmt: skip
+    if known:
+        d, hit = np.array([k[0] for k in known]), np.array([k[1] for k in known], float)
+        edges = np.geomspace(0.3, 300.0, 13)
+        for low, high in pairwise(edges):
+            chosen = (d >= low) & (d < high)
+            if chosen.any():
+                rate, n = float(hit[chosen].mean()), int(chosen.sum())
+                span = binomtest(int(hit[chosen].sum()), n).proportion_ci(method="wilson")
+                axes.errorbar(math.sqrt(low * high), rate, [[rate - span.low], [span.high - rate]], fmt="o", color="C0")
+                axes.annotate(str(n), (math.sqrt(low * high), rate), textcoords="offset points", xytext=(5, 4),
+                              fontsize=7)  # fmt: skip
+    axes.axvline(STRONG, color="C3", lw=0.7)
+    axes.set(xscale="log", ylim=(-0.02, 1.04), xlabel="d' [standard deviations]", ylabel="share detected",
+             title="Detection against strength of the signature")  # fmt: skip
+    axes.legend(fontsize=8, loc="upper left")
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
