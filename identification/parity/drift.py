@@ -31,6 +31,7 @@ PORT = 0.5  # [1] share of the dynamic pressure that a barometer feels
 WASH = 4.0  # [m] a barometer's error from no to full throttle
 FLOORS: Mapping[str, float] = {"baro": 0.25, "gps": 0.2, "climb": 0.1, "reference": 0.01}
 RATES = (0.1, 0.3, 1.0)  # [m/s] of a sensor that walks away, standard deviation
+SMOOTH: Mapping[str, float] = {"baro": 0.03, "gps": 0.04}  # [m/s] the same of any day; a receiver's for hdop 1
 LASTING = 15.0  # [s] for which it keeps its rate
 ODD = 0.01, 20.0  # share and size [m] of samples that are neither
 REST = 2.0, 0.05  # [s] and throttle [1]: standing on the ground before and after
@@ -81,15 +82,15 @@ def pose(heights: Heights) -> Problem | None:
         states.append((size, tau))
         return len(states) - 1
 
-    def wander(size: float, tau: float) -> int:
+    def wander(size: float, tau: float, smooth: float = 0.0) -> int:
         number = state(size, tau)
-        state(0.0, LASTING)
+        state(smooth, LASTING)
         return number
 
     slow: dict[str, int] = {}
     port = wash = -1
     if heights.baro:
-        slow["baro"] = wander(*TOGETHER)
+        slow["baro"] = wander(*TOGETHER, SMOOTH["baro"])
         port, wash = state(PORT, np.inf), state(WASH, np.inf)
     columns: list[tuple[str, Floats, dict[int, Floats | float], float]] = []
     for name, (kind, series) in levels.items():
@@ -98,13 +99,13 @@ def pose(heights: Heights) -> Problem | None:
             continue
         row: dict[int, Floats | float] = {0: 1.0, state(OFFSET, np.inf): 1.0}
         if kind == "baro":
-            slow[name if len(heights.baro) > 1 else "baro_own"] = own = wander(*APART)
+            slow[name if len(heights.baro) > 1 else "baro_own"] = own = wander(*APART, 0.5 * SMOOTH["baro"])
             row |= {own: 1.0, slow["baro"]: 1.0, port: speed**2 / 19.6, wash: throttle}
             if len(heights.baro) > 1:  # each sits in air of its own
                 row |= {state(0.5 * PORT, np.inf): speed**2 / 19.6, state(0.5 * WASH, np.inf): throttle}
         elif kind == "gps":
             hdop = heights.hdop if np.isfinite(heights.hdop) else UNKNOWN_HDOP
-            slow[name] = wander(max(WANDER[0], PER_HDOP * hdop), WANDER[1])
+            slow[name] = wander(max(WANDER[0], PER_HDOP * hdop), WANDER[1], SMOOTH["gps"] * max(hdop, 0.5))
             row |= {slow[name]: 1.0, state(DELAY, np.inf): -motion}
         else:
             slow[name] = wander(*REFERENCE)
@@ -209,8 +210,8 @@ def _filter(
     keep = np.where(np.isinf(problem.taus), 1.0, np.exp(-problem.step / problem.taus))
     f = np.diag(keep)
     for sensor, rate in rates.items():
-        own = problem.slow[sensor]
-        sizes[own + 1] = rate
+        sizes[problem.slow[sensor] + 1] += rate
+    for own in problem.slow.values():
         f[own, own + 1] = problem.step
     f[0, 1] = problem.step
     q = np.diag(sizes**2 * (1.0 - keep**2))

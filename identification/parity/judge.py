@@ -27,6 +27,7 @@ from identification.verdict import (
 Floats = NDArray[np.float64]
 
 THRESHOLD = 8.0  # [nats] above which a cause is asserted; no healthy log of the tests comes near
+STRAYS = 3.0  # usual slow errors that a sensor must have walked
 PRIOR = 0.01  # that any one of these is at work
 SPLIT = {
     ("baro_drift", "gps_drift"): "a second height (ranger, mark, a second barometer or the receiver's own climb rate), "
@@ -45,6 +46,7 @@ class Finding:
     parameters: Mapping[str, Fitted]
     said: str  # what was seen, in words
     corrected: Callable[[Heights], Heights] | None = None  # with the cause taken out
+    beyond: bool = True  # further than such a sensor strays on any day
     witnesses: int = 3  # that measure the same: of two that differ none can be told to be wrong
 
 
@@ -183,6 +185,10 @@ def _drift(name: str, best: tuple[str, float], score: float, problem: drift.Prob
     }
     said = f"{channel} walks by {moved:+.1f} +- {std:.1f} m in {over:.0f} s against the other sensors"
 
+    usual = np.hypot(problem.sizes[problem.slow[sensor]], problem.sizes[problem.slow.get("baro", 0)]
+                     if sensor.startswith("baro_") else 0.0)  # fmt: skip
+    beyond = bool(np.ptp(walked.error) > STRAYS * usual)
+
     def corrected(heights: Heights) -> Heights:
         def right(series: Series) -> Series:
             return Series(series.name, series.t, series.value - np.interp(series.t, walked.t, walked.error))
@@ -193,7 +199,8 @@ def _drift(name: str, best: tuple[str, float], score: float, problem: drift.Prob
             baro={k: right(s) if sensor in (k, "baro") else s for k, s in heights.baro.items()},
         )
 
-    return Finding(name, "sensor", score, channel, parameters, said, corrected, len(problem.names))
+    return Finding(name, "sensor", score, channel, parameters, said, corrected, beyond,
+                   len(problem.names))  # fmt: skip
 
 
 def _known(value: float, std: float, unit: str, nominal: float = 0.0) -> Fitted:
@@ -210,6 +217,7 @@ def _asserted(found: Mapping[str, Finding]) -> list[Finding]:
     return [
         f for f in found.values()
         if f.log_bayes_factor > THRESHOLD
+        and f.beyond
         and all(f.log_bayes_factor >= found[r].log_bayes_factor for r in _rivals(f.name, found))
     ]  # fmt: skip
 
