@@ -55,4 +55,10 @@ class Cause:
     changes: Callable[[Flight, Vehicle], list[Change]] | None = None
     kinds: tuple[str, ...] = ("helicopter",)  # of vehicle
     each_flight: bool = False  # parameters differ from flight to flight
+    fixed: Mapping[str, float] = field(default_factory=dict)  # what tells this one of several alike: rotor, joint
     split_by: Mapping[str, str] = field(default_factory=dict)  # by confusable cause: the manoeuvre that tells
+
+    @property
+    def title(self) -> str:
+        """The name as it is told: that of the search without the number that tells several alike apart."""
+        return self.name.partition("#")[0]

@@ -1,0 +1,24 @@
+"""One rotor gives less thrust, and less torque in proportion, than its command asks for."""
+
+from identification.causes.contract import Cause, Parameter
+
+SPREAD = 0.3  # of the share: chipped tips cost a few hundredths, a broken blade a half
+
+
+def of(rotor: int) -> Cause:
+    """The cause for one rotor, counted from 1 as in m1..mN."""
+    return Cause(
+        name=f"rotor_damage#{rotor}",
+        where="plant",
+        parameters=(Parameter("scale", "1", f"rotors.{rotor - 1}.thrust_scale", SPREAD),),
+        about="thrust and torque of one rotor over those of a sound one",
+        kinds=("multirotor",),
+        fixed={"rotor": rotor},
+        split_by={
+            "mass": "the same hover with the two propellers of that diagonal exchanged: damage goes with the "
+            "propeller, a weight stays",
+        },
+    )
+
+
+CAUSE = of(1)

@@ -1,0 +1,194 @@
+"""Flights of one multirotor in linear form; see `identification.bench.Bench`."""
+
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flightlog.tables import Table
+from identification import evidence as ev
+from identification.bench import Baseline, Bench, Channel
+from identification.causes.contract import Cause
+from identification.multirotor import noise as nz
+from identification.multirotor.causes import testable
+from identification.multirotor.flight import CHANNELS, UNITS, Flight, has_imu, prepare
+from identification.stack import Rows
+from sim.multirotor.file import Multirotor
+
+Floats = NDArray[np.float64]
+
+ROUNDS = 4  # of the noise fit
+BIAS = 0.05  # [m/s^2] of an inertial sensor's force
+STEP = 0.2  # of a prior, for a derivative
+REPEATED = {"thrust": ("terms.thrust.scale",), "cg": ("terms.cg_offset.x", "terms.cg_offset.y"),
+            "yaw": ("terms.yaw_trim.arm",)}  # fmt: skip
+MOVING = "inertia", "terms.motor"  # what a balance does not show
+WHITE = 0.25  # largest correlation of neighbours among what is left of a channel
+
+
+class MultirotorBench:
+    """Flights of one multirotor."""
+
+    def __init__(
+        self, logs: Mapping[str, Mapping[str, Table]], vehicle: Multirotor, like: "MultirotorBench | None" = None
+    ) -> None:
+        """Prepare the flights and fit the noise; UserError for a log that cannot carry a diagnosis."""
+        self.vehicle = vehicle
+        self.names: Sequence[str] = list(logs)
+        by_estimate = not all(has_imu(tables) for tables in logs.values())
+        self.flights: list[Flight] = [prepare(name, tables, vehicle, by_estimate) for name, tables in logs.items()]
+        topics = set.intersection(*(set(tables) for tables in logs.values()))
+        if any(np.isnan(flight.voltage).any() for flight in self.flights):
+            topics -= {"battery"}
+        self.causes: Sequence[Cause]
+        self.causes, self.not_testable = testable(vehicle, topics)
+        self.channels: Mapping[int, Channel] = {
+            i: Channel(name, unit) for i, (name, unit) in enumerate(zip(CHANNELS, UNITS, strict=True))
+        }
+        own = {p.key: p for cause in self.causes for p in cause.parameters}
+        numbers = vehicle.numbers
+        hidden = ("terms.repeatability", *(MOVING if by_estimate else ()))
+        self.tolerances: Mapping[str, float] = {
+            key: number.tolerance
+            for key, number in numbers.items()
+            if number.tolerance > 0.0 and not key.startswith(hidden)
+        }
+        self.spreads: Mapping[str, float] = {
+            key: max(p.spread, 3.0 * self.tolerances.get(key, 0.0)) for key, p in own.items()
+        }
+        keys = sorted({*own, *self.tolerances})
+        self.nominal: Mapping[str, float] = {key: numbers[key].value for key in keys}
+        self.units: Mapping[str, str] = {key: numbers[key].unit for key in keys}
+        self._slopes: list[dict[str, list[Floats]]] = [{} for _ in self.flights]
+        self._noise: Mapping[int, nz.Autoregression]
+        self._noise = like._noise if like is not None else self._fit_noise()
+        self.baseline = self._judge()
+
+    def rows(self, flight: int, changes: Mapping[str, float], fresh: Collection[str] = ()) -> Rows:
+        """See `Bench.rows`."""
+        self._linearise(flight, changes, fresh)
+        item, slopes = self.flights[flight], self._slopes[flight]
+
+        def white(parts: Sequence[Floats]) -> Floats:
+            return np.concatenate(
+                [self._noise[s.channel].whiten(part, item.spans) for s, part in zip(item.seen, parts, strict=True)]
+            )
+
+        local, std = self._local(flight)
+        count = len(item.t)
+        return Rows(
+            residual=white(self._residual(flight, changes)),
+            signatures={key: white(slopes[key]) for key in self.nominal},
+            local=np.column_stack([white(parts) for parts in local]),
+            local_std=std,
+            channel=np.repeat([s.channel for s in item.seen], count),
+            t=np.tile(item.t, len(item.seen)),
+        )
+
+    def bounded(self, key: str, value: float) -> float:
+        """See `Bench.bounded`."""
+        number = self.vehicle.numbers[key]
+        return min(max(value, number.low), number.high)
+
+    def drivers(self, flight: int) -> dict[str, tuple[str, Floats, Floats]]:
+        """What a residual may depend on: label, times and values by name."""
+        item = self.flights[flight]
+        found = {
+            "time": ("time [s]", item.t - item.t[0]), "height": ("height [m]", item.height),
+            "speed": ("speed over ground [m/s]", item.speed), "voltage": ("voltage [V]", item.voltage),
+        }  # fmt: skip
+        return {name: (label, item.t, v) for name, (label, v) in found.items() if np.isfinite(v).all()}
+
+    def _residual(self, flight: int, changes: Mapping[str, float]) -> list[Floats]:
+        """Measured less expected, a channel each (K,)."""
+        item = self.flights[flight]
+        expected = item.expected(self.vehicle, changes)
+        return [s.measured - e for s, e in zip(item.seen, expected, strict=True)]
+
+    def _linearise(self, flight: int, changes: Mapping[str, float], fresh: Collection[str]) -> None:
+        known = self._slopes[flight]
+        also = ("terms.thrust.scale", "terms.cg_offset.x", "terms.cg_offset.y", "terms.yaw_trim.arm")
+        wanted = [key for key in dict.fromkeys((*self.nominal, *also)) if key in fresh or key not in known]
+        if not wanted:
+            return
+        item, values = self.flights[flight], self.vehicle.values(changes)
+        base = item.expected(self.vehicle, values)
+        for key in wanted:
+            number = self.vehicle.numbers[key]
+            width = max(self.spreads.get(key, 0.0), self.tolerances.get(key, 0.0))
+            step = STEP * width if width > 0.0 else 1e-3 * max(abs(number.value), 1.0)
+            if values[key] + step > number.high:
+                step = -step
+            moved = item.expected(self.vehicle, values | {key: values[key] + step})
+            known[key] = [(m - b) / step for m, b in zip(moved, base, strict=True)]
+
+    def _local(self, flight: int) -> tuple[list[list[Floats]], Floats]:
+        """What belongs to one flight alone: its columns, a channel each, and standard deviations."""
+        item, slopes = self.flights[flight], self._slopes[flight]
+        columns: list[list[Floats]] = []
+        std: list[float] = []
+        for name, keys in REPEATED.items():
+            spread = self.vehicle.numbers[f"terms.repeatability.{name}"].value
+            columns += [slopes[key] for key in keys]
+            std += [spread] * len(keys)
+        along = np.interp(item.t, item.t[[0, -1]], [-1.0, 1.0])  # yaw drifts within a flight as it does between flights
+        columns.append([part * along for part in slopes["terms.yaw_trim.arm"]])
+        std.append(self.vehicle.numbers["terms.repeatability.yaw"].value)
+        if not item.by_estimate:
+            for axis in range(3):
+                columns.append([np.full(len(item.t), float(s.channel == axis)) for s in item.seen])
+                std.append(BIAS)
+        return columns, np.array(std)
+
+    def _fit_noise(self) -> dict[int, nz.Autoregression]:
+        """Noise from what is left after everything that has a name was taken out."""
+        wide = {key: max(self.tolerances.get(key, 0.0), self.spreads.get(key, 0.0)) for key in self.nominal}
+        channels = [s.channel for s in self.flights[0].seen]
+        first = [self._residual(i, {}) for i in range(len(self.flights))]
+        spans = [flight.spans for flight in self.flights]
+        self._noise = {
+            channel: nz.fit([parts[c] - parts[c].mean() for parts in first], spans)
+            for c, channel in enumerate(channels)
+        }
+        for _ in range(ROUNDS):
+            left = self._left(wide)
+            self._noise = {channel: nz.fit([parts[c] for parts in left], spans) for c, channel in enumerate(channels)}
+        return dict(self._noise)
+
+    def _left(self, std: Mapping[str, float]) -> list[list[Floats]]:
+        """What all flights leave, in their own units, once everything free was fitted to each."""
+        found = []
+        for i in range(len(self.flights)):
+            values, local, _ = ev.solve(self.rows(i, {}), std)
+            columns, _ = self._local(i)
+            parts = [part.copy() for part in self._residual(i, {})]
+            for c in range(len(parts)):
+                for key, value in values.items():
+                    parts[c] -= value * self._slopes[i][key][c]
+                for value, column in zip(local, columns, strict=True):
+                    parts[c] -= value * column[c]
+            found.append(parts)
+        return found
+
+    def _judge(self) -> Baseline:
+        """Whether what is left is white, once everything that has a name was taken out."""
+        names = {s.channel: (CHANNELS[s.channel], UNITS[s.channel]) for s in self.flights[0].seen}
+        levels = {names[c][0]: (noise.std, names[c][1]) for c, noise in self._noise.items()}
+        wide = {key: max(self.tolerances.get(key, 0.0), self.spreads.get(key, 0.0)) for key in self.nominal}
+        left = self._left(wide)
+        for c, (number, noise) in enumerate(self._noise.items()):
+            white = [noise.whiten(p[c], f.spans) for p, f in zip(left, self.flights, strict=True)]
+            pairs = [(w[a + 1 : b], w[a : b - 1]) for w, f in zip(white, self.flights, strict=True) for a, b in f.spans]
+            here, before = np.concatenate([p[0] for p in pairs]), np.concatenate([p[1] for p in pairs])
+            near = float(np.corrcoef(here, before)[0, 1])
+            if abs(near) > max(WHITE, 4.0 / np.sqrt(len(here))):
+                reason = f"what is left of {CHANNELS[number]} is no noise: neighbours are correlated by {near:.2f}"
+                return Baseline(False, reason, levels)
+        return Baseline(True, None, levels)
+
+
+def open_bench(
+    logs: Mapping[str, Mapping[str, Table]], vehicle: Multirotor, like: Bench | None = None
+) -> MultirotorBench:
+    """See `identification.bench.OpenBench`."""
+    return MultirotorBench(logs, vehicle, like if isinstance(like, MultirotorBench) else None)

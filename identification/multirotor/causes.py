@@ -1,0 +1,98 @@
+"""The catalogue for multirotors: plant causes on the numbers of their file."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from identification.causes import battery_sag, drag, rotor_damage
+from identification.causes.contract import Cause, Parameter
+from sim.multirotor.file import Multirotor
+
+ADDED = 0.06  # share of the mass that is added or missing, where something is
+PLACED = 0.7  # of the rotors' reach at which it sits
+SHIFTED = 0.15  # of the rotors' reach by which a centre of mass may lie off
+
+
+def catalogue(craft: Multirotor) -> list[Cause]:
+    """Every cause that a multirotor's balances could show, its spreads fitted to the size of this one."""
+    reach = float(np.sqrt(np.mean(craft.positions[:, :2] ** 2)))
+    mass, volts = craft.mass, craft.numbers["terms.battery_sag.reference"].value
+    sag = battery_sag.CAUSE
+    added = ADDED * PLACED * reach
+    return [
+        Cause(
+            name="mass",
+            where="plant",
+            parameters=(
+                Parameter("mass", "kg", "mass", ADDED * mass),
+                Parameter("x", "m", "terms.payload.x", added),
+                Parameter("y", "m", "terms.payload.y", added),
+            ),
+            about="mass at the start, and where the added or missing part sits",
+            kinds=("multirotor",),
+            split_by={
+                "thrust_scale": "a scale: nothing in flight tells mass from thrust where no force is measured alone",
+                "rotor_damage": "the same hover with the two propellers of that diagonal exchanged: damage goes with "
+                "the propeller, a weight stays",
+                "cg_offset": "a scale: a shift does not weigh",
+            },
+        ),
+        Cause(
+            name="cg_offset",
+            where="plant",
+            parameters=(
+                Parameter("x", "m", "terms.cg_offset.x", SHIFTED * reach),
+                Parameter("y", "m", "terms.cg_offset.y", SHIFTED * reach),
+            ),
+            about="place of the centre of mass, the total mass unchanged",
+            kinds=("multirotor",),
+            split_by={"mass": "a scale: a shift does not weigh"},
+        ),
+        Cause(
+            name="thrust_scale",
+            where="plant",
+            parameters=(Parameter("scale", "1", "terms.thrust.scale", 0.15),),
+            about="thrust of all rotors over that of the file",
+            kinds=("multirotor",),
+            split_by={"mass": "a scale: nothing in flight tells mass from thrust where no force is measured alone"},
+        ),
+        replace(sag, parameters=(replace(sag.parameters[0], spread=battery_sag.SHARE / volts),)),
+        *(rotor_damage.of(i + 1) for i in range(craft.rotors)),
+        Cause(
+            name="actuator_lag",
+            where="plant",
+            parameters=(Parameter("tau", "s", "terms.motor.tau", 0.05),),
+            about="lag from command to thrust",
+            kinds=("multirotor",),
+            needs=("imu",),
+            split_by={"actuator_delay": "doublets of a tenth of a second: a lag rounds them, a delay shifts them"},
+        ),
+        Cause(
+            name="actuator_delay",
+            where="timing",
+            parameters=(Parameter("delay", "s", "terms.motor.delay", 0.03),),
+            about="pure delay of the commands",
+            kinds=("multirotor",),
+            needs=("imu",),
+            split_by={"actuator_lag": "doublets of a tenth of a second: a lag rounds them, a delay shifts them"},
+        ),
+        Cause(
+            name="drag",
+            where="plant",
+            parameters=(
+                Parameter("area", "m^2", "terms.drag.area", 4.0 * reach**2),
+                Parameter("linear", "N s/m", "terms.drag.linear", 0.1 * mass * 9.81 / 5.0),
+            ),
+            about=drag.CAUSE.about,
+            kinds=("multirotor",),
+            needs=("imu",),
+            split_by=drag.CAUSE.split_by,
+        ),
+    ]
+
+
+def testable(craft: Multirotor, topics: set[str]) -> tuple[list[Cause], dict[str, list[str]]]:
+    """Causes that these topics can show, and what the others lack."""
+    known = catalogue(craft)
+    lacking = {cause.name: [topic for topic in cause.needs if topic not in topics] for cause in known}
+    return [cause for cause in known if not lacking[cause.name]], {n: m for n, m in lacking.items() if m}
