@@ -20,7 +20,7 @@ from identification.logs import Flights, read
 from identification.report import Findings
 from identification.report.drivers import visited
 from identification.verdict import NotTestable, Verdict
-from sim import vehicle as vehicles
+from sim import kinds
 from sim.vehicle import Vehicle
 
 STEPS = 6
@@ -100,7 +100,7 @@ def diagnose(
     for more in (others, good):
         if more is not None:
             _ = flights + more  # no flight may be both
-    flown = None if vehicle is None else vehicles.load(vehicle)
+    flown = None if vehicle is None else kinds.load(vehicle)
     _make(folder)
     if flown is None:
         if good is not None:
@@ -118,7 +118,7 @@ def diagnose(
     measured = gain.measure(found, bench) if verdict.baseline.certified else None
     made = None
     if measured is not None:
-        worth = gain.of_each(found, bench) if verdict.causes else {}
+        worth = gain.of_each(found, measured, bench) if verdict.causes else {}
         verdict = replace(
             verdict, channels=measured.errors(),
             causes=[replace(cause, gain=worth.get(cause.name)) for cause in verdict.causes],

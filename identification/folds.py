@@ -8,7 +8,7 @@ deviation; the model is not run again.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,7 @@ class Hypothesis:
     std: Mapping[str, float]  # by key, of its prior; > 0
     shift: Mapping[str, float]  # by key, expansion point less nominal value
     held: frozenset[str] = frozenset()  # keys that stay as trained on a held-out unit; the others follow it
+    _normal: dict[int, tuple[Floats, Floats]] = field(default_factory=dict)  # by unit
 
     def __post_init__(self) -> None:
         for key, std in self.std.items():
@@ -61,6 +62,13 @@ class Hypothesis:
         residual = rows.residual[unit.rows] + shared @ moved + rows.local[unit.rows] @ rows.at
         scaled = shared * np.array(list(self.std.values()))
         return np.hstack([scaled, rows.local[unit.rows] * rows.local_std]), residual
+
+    def normal(self, unit: Unit) -> tuple[Floats, Floats]:
+        """(K + L, K + L) and (K + L,): the design's square, and its product with the residual; kept."""
+        if id(unit) not in self._normal:
+            x, r = self.design(unit)
+            self._normal[id(unit)] = x.T @ x, x.T @ r
+        return self._normal[id(unit)]
 
 
 def predict(hypothesis: Hypothesis, units: Sequence[Unit], held: int, test: Hypothesis | None = None) -> Held:
@@ -79,8 +87,7 @@ def predict(hypothesis: Hypothesis, units: Sequence[Unit], held: int, test: Hypo
     for i, item in enumerate(units):
         if test is None and i == held:
             continue
-        x, r = hypothesis.design(item)
-        by_flight.setdefault(item.flight, []).append((x.T @ x, x.T @ r))
+        by_flight.setdefault(item.flight, []).append(hypothesis.normal(item))
     for flight, parts in by_flight.items():
         a, b = (np.sum([part[i] for part in parts], axis=0) for i in range(2))
         if test is None and flight == unit.flight:

@@ -97,12 +97,12 @@ def measure(diagnosis: Diagnosis, heldout: Bench | None = None, seed: int = 0) -
     return compare(diagnosis, (), diagnosis.causes, heldout, seed)
 
 
-def of_each(diagnosis: Diagnosis, heldout: Bench | None = None) -> dict[str, CauseGain]:
-    """By asserted cause, what it adds to all the others where it adds most."""
+def of_each(diagnosis: Diagnosis, together: Gain, heldout: Bench | None = None) -> dict[str, CauseGain]:
+    """By asserted cause, what it adds to all the others where it adds most; `together`: what they all gain."""
     found = {}
     for name in diagnosis.causes:
         rest = tuple(n for n in diagnosis.causes if n != name)
-        best = compare(diagnosis, rest, diagnosis.causes, heldout, 0).best()
+        best = (compare(diagnosis, rest, diagnosis.causes, heldout, 0) if rest else together).best()
         if best is not None and best.before > 0.0:
             found[name] = CauseGain(best.channel, 1.0 - best.after / best.before, best.share_of_explainable)
     return found

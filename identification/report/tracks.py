@@ -15,6 +15,7 @@ from flightlog.replay_pair import Track
 from flightlog.rotations import matrix
 from identification.helicopter import HelicopterBench
 from identification.refit import Refit
+from identification.report.unforeseen import foreseen
 
 Floats = NDArray[np.float64]
 
@@ -32,9 +33,7 @@ def simulated(bench: HelicopterBench, flight: int, fit: Refit, name: str) -> Tra
     """By the model at a refit's best values."""
     item = bench.flights[flight]
     motion, step = item.motion, item.motion.step
-    values = dict(fit.at) | {key: fit.at.get(key, bench.nominal[key]) + d for key, d in fit.step.items()}
-    knobs = {key: value for key, value in values.items() if key in bench.model.knobs}
-    answer = bench.sheets[flight].driven(knobs).answer
+    answer = foreseen(bench, flight, fit)
     turning = np.zeros_like(item.measured[:, 3:6])
     turning[1:] = np.diff(item.measured[:, 3:6], axis=0) / step
     force, moment = answer[:, :3] - item.measured[:, :3], answer[:, 3:6] - turning

@@ -49,20 +49,34 @@ class Curve:
 
 def unforeseen(bench: Bench, flight: int, fit: Refit) -> Mapping[str, Unforeseen]:
     """By channel, at a refit's best values; empty for a bench that does not tell."""
-    best = dict(fit.at) | {key: fit.at.get(key, bench.nominal[key]) + step for key, step in fit.step.items()}
     if isinstance(bench, HelicopterBench):
-        return _helicopter(bench, flight, best)
+        item = bench.flights[flight]
+        left = item.measured.copy()
+        left[1:, 3:] = np.diff(item.measured[:, 3:], axis=0) / item.motion.step  # rates and rotor speed
+        left -= foreseen(bench, flight, fit)
+        return {name: Unforeseen(UNITS[i], item.motion.t[1:], left[1:, i]) for i, name in enumerate(CHANNELS[:6])}
     own = getattr(bench, "unforeseen", None)  # {channel: (unit, t, values)}
-    return {} if own is None else {name: Unforeseen(*given) for name, given in own(flight, best).items()}
+    return {} if own is None else {name: Unforeseen(*given) for name, given in own(flight, best(bench, fit)).items()}
 
 
-def _helicopter(bench: HelicopterBench, flight: int, values: Mapping[str, float]) -> dict[str, Unforeseen]:
-    item = bench.flights[flight]
+def best(bench: Bench, fit: Refit) -> dict[str, float]:
+    """A refit's best values, by key."""
+    return dict(fit.at) | {key: fit.at.get(key, bench.nominal[key]) + step for key, step in fit.step.items()}
+
+
+def foreseen(bench: HelicopterBench, flight: int, fit: Refit) -> Floats:
+    """(N, 7) what the inertial sensor and the tachometer should say: the model, the mean wind, the sensor's errors."""
+    sheet, values = bench.sheets[flight], best(bench, fit)
     knobs = {key: value for key, value in values.items() if key in bench.model.knobs}
-    measured = item.measured.copy()
-    measured[1:, 3:] = np.diff(item.measured[:, 3:], axis=0) / item.motion.step  # rates and rotor speed
-    left = measured - bench.sheets[flight].driven(knobs).answer
-    return {name: Unforeseen(UNITS[i], item.motion.t[1:], left[1:, i]) for i, name in enumerate(CHANNELS[:6])}
+    errors = {key: value - bench.nominal[key] for key, value in values.items() if key not in knobs}
+    rows = bench.rows(flight, fit.at)
+    residual = rows.residual + rows.local @ rows.at - sum(rows.signatures[key] * s for key, s in fit.step.items())
+    scaled = rows.local * rows.local_std
+    solved = rows.local_std * np.linalg.solve(np.eye(scaled.shape[1]) + scaled.T @ scaled, scaled.T @ residual)
+    nothing = np.zeros(len(solved))
+    nothing[:2] = sheet.wind[:2]
+    moved = sheet.settled(errors, solved).answer - sheet.settled({}, nothing).answer
+    return np.asarray(sheet.driven(knobs).answer + moved)
 
 
 def curves(bench: Bench, before: Refit, after: Refit) -> Sequence[Curve]:
