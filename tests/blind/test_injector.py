@@ -1,0 +1,189 @@
+"""The blind injector: sealed, repeatable, true to the tolerances, and its foreign equations are what they say."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flightlog.readers.folder import read_flight
+from sim import vehicle as vehicles
+from sim.pipeline import Pipeline
+from tests.blind import draws, foreign, injector, plans
+from tests.blind.effects import EFFECTS, UNKNOWN
+from tests.blind.injector import inject, make
+
+TICK = 0.002
+
+
+@pytest.fixture(scope="module")
+def raptor():
+    return vehicles.load("raptor90")
+
+
+@pytest.fixture
+def signals(raptor):
+    """One term alone, and a record to run it on."""
+
+    def of(term, **numbers):
+        pipeline = Pipeline([term], {term.name: numbers}, raptor.geometry)
+        return pipeline, pipeline.signals()
+
+    return of
+
+
+def short(tmp_path, seed, name, **more):
+    more = {"names": ["baro_drift"], "plans": ["doublets"], "duration_s": 4.0} | more
+    return make(seed, "single", tmp_path / name, tmp_path / "answers", **more)
+
+
+def test_a_set_holds_measurements_and_a_hash_and_not_a_word_of_the_answer(tmp_path):
+    made = short(tmp_path, 5, "one")
+    told = "\n".join(path.read_text(errors="ignore") for path in made.folder.rglob("*.json"))
+    assert "baro_drift" not in told
+    assert "drift_rate" not in told
+    assert not list(made.folder.rglob("truth"))
+    assert made.open(tmp_path / "answers").names == ("baro_drift",)
+    assert set(read_flight(made.flights[0]).measured) >= {"imu", "controls", "rotor", "baro", "gps"}
+
+
+def test_an_answer_changed_after_the_sealing_is_refused(tmp_path):
+    made = short(tmp_path, 5, "one")
+    place = tmp_path / "answers" / "one.json"
+    told = json.loads(place.read_text())
+    told["effects"][0]["name"] = "mass"
+    place.write_text(json.dumps(told, sort_keys=True))
+    with pytest.raises(ValueError, match="not the one that was sealed"):
+        made.open(tmp_path / "answers")
+
+
+def test_the_same_seed_is_the_same_set_and_another_is_another(tmp_path):
+    a, b, c = (short(tmp_path, seed, name) for seed, name in ((5, "a"), (5, "b"), (6, "c")))
+    assert a.seal == b.seal != c.seal
+    first, second, third = (read_flight(made.flights[0]).measured["baro"]["altitude"] for made in (a, b, c))
+    assert np.array_equal(first, second)
+    assert not np.array_equal(first, third)
+
+
+def test_topics_left_out_are_left_out(tmp_path):
+    made = short(tmp_path, 5, "one", without=("sonar", "mag"))
+    assert not {"sonar", "mag"} & set(read_flight(made.flights[0]).measured)
+
+
+def test_numbers_are_drawn_with_the_standard_deviation_that_the_file_declares(raptor):
+    rng = np.random.default_rng(1)
+    keys = [("mass",), ("terms", "ground_effect", "gain"), ("sensors", "baro", "noise"), ("terms", "tail_rotor", "gear")]
+    found = {key: [] for key in keys}
+    for _ in range(300):
+        document = draws.drawn(raptor.document, rng)
+        for key in keys:
+            number = document
+            for part in key:
+                number = number[part]
+            found[key].append(number["value"])
+    for key, tolerance in zip(keys, (0.05, 0.1, 0.03, 0.0), strict=True):
+        assert np.std(found[key]) == pytest.approx(tolerance, rel=0.15)
+        if tolerance:
+            assert np.ptp(found[key]) < 6.001 * tolerance
+
+
+@pytest.mark.parametrize("name", [*EFFECTS, *UNKNOWN])
+def test_every_effect_makes_a_vehicle_and_follows_its_size(raptor, name):
+    draw = EFFECTS[name] if name in EFFECTS else UNKNOWN[name][0]
+    seen = set()
+    for seed in range(6):
+        small, large = (draw(raptor, np.random.default_rng(seed), share) for share in (0.5, 1.0))
+        assert (small.name, small.form) == (large.name, large.form) or name == "actuator_delay"
+        seen.add(large.form)
+        assert large.settings or large.terms or large.tampering
+        changed = inject(raptor, [large])
+        assert len(changed.terms) == len(raptor.terms) + len(large.terms) + len(
+            {key.split(".")[1] for key in large.settings if key.startswith("terms.")} - set(raptor.parameters)
+        )
+    assert seen
+
+
+def test_hayden_is_nothing_far_up_and_thirteen_percent_of_power_one_radius_up(signals, raptor):
+    pipeline, s = signals(foreign.HAYDEN, gain=1.0)
+    for height, power in ((50.0, 1.0), (0.73 - 0.22, 1.0 / (0.9926 + 0.0379 * 4.0))):
+        s["height"], s["up"] = height, (0.0, 0.0, 1.0)
+        pipeline.run(s, TICK)
+        assert float(s["ground"]) == pytest.approx(power, abs=1e-3)
+
+
+def test_frames_hold_and_hand_on_late(signals):
+    pipeline, s = signals(foreign.FRAME_DELAY, period=0.01, frames=2.0)
+    sent, got = np.zeros(100), np.zeros(100)
+    for k in range(100):
+        sent[k] = s["collective"] = float(k >= 10)
+        pipeline.run(s, TICK)
+        got[k] = s["collective"]
+    late = (np.argmax(got > 0.5) - 10) * TICK
+    assert 0.02 <= late <= 0.03
+    assert set(got) == {0.0, 1.0}
+
+
+def test_two_lags_are_late_by_their_time_constant_on_a_ramp(signals):
+    pipeline, s = signals(foreign.TWO_LAGS, tau=0.05)
+    for k in range(500):
+        s["tail"] = ramp = k * TICK
+        pipeline.run(s, TICK)
+    assert ramp - float(s["tail"]) == pytest.approx(0.05, abs=2e-3)
+
+
+def test_a_stepwise_burn_burns_what_its_rate_says(signals):
+    pipeline, s = signals(foreign.STEP_BURN, rate=0.01, every=4.0)
+    burnt = []
+    for t in np.arange(0.0, 40.0, 0.5):
+        s["time"] = t
+        pipeline.run(s, TICK)
+        burnt.append(5.0 - float(s["mass"]))
+    assert burnt[-1] == pytest.approx(0.36, abs=1e-9)
+    assert len(set(np.round(burnt, 6))) == 10
+
+
+def test_plans_stay_over_the_ground_and_every_one_asks_for_something():
+    for seed in range(20):
+        for name, plan in plans.PLANS.items():
+            made = plan(np.random.default_rng(seed), 60.0)
+            assert made.name == name
+            assert all(leg.height > 0.5 and abs(leg.east) < 20 and abs(leg.north) < 20 for leg in made.legs)
+            assert all(0.0 <= leg.at_s < 60.0 for leg in made.legs)
+            assert len(made.legs) > 1 or made.doublets or made.steps_m
+    doublet = plans.Doublet(3.0, "tail", 0.1, 0.5)
+    assert [doublet.at(t) for t in (2.9, 3.2, 3.7, 4.1)] == [0.0, 0.1, -0.1, 0.0]
+
+
+def test_a_box_closes_and_its_sides_are_square():
+    made = plans.box(np.random.default_rng(3), 60.0)
+    at = np.array([(leg.east, leg.north) for leg in made.legs[:5]])
+    sides = np.diff(at, axis=0)
+    assert np.linalg.norm(sides, axis=1) == pytest.approx(np.linalg.norm(sides[0]))
+    assert np.sum(sides[:-1] * sides[1:], axis=1) == pytest.approx(0.0, abs=1e-9)
+    assert at[0] == pytest.approx(at[4])
+
+
+def test_wind_stays_what_a_pilot_can_hold():
+    rng = np.random.default_rng(2)
+    drawn = [plans.weather(rng, 3.0) for _ in range(200)]
+    assert max(table.wind_m_s for table in drawn) <= 6.6
+    assert np.mean([table.wind_m_s for table in drawn]) == pytest.approx(3.0 * math.sqrt(math.pi / 2), rel=0.2)
+
+
+def test_an_effect_is_in_the_flight(tmp_path, monkeypatch):
+    """A barometer that drifts reads what it drifts; the same flight without it does not."""
+    made = short(tmp_path, 8, "with")
+    rate = made.open(tmp_path / "answers").effects[0].values["rate"]
+    inject_nothing = lambda true, effects: inject(true, [])  # noqa: E731
+    monkeypatch.setattr(injector, "inject", inject_nothing)
+    monkeypatch.setitem(
+        injector.EFFECTS, "baro_drift",
+        lambda v, rng, share: replace(EFFECTS_BEFORE(v, rng, share), tampering=()),
+    )  # fmt: skip
+    plain = short(tmp_path, 8, "without")
+    drifted, sound = (read_flight(m.flights[0]).measured["baro"]["altitude"] for m in (made, plain))
+    assert (drifted - sound)[-25:].mean() == pytest.approx(4.0 * rate, abs=0.25 + abs(rate))
+
+
+EFFECTS_BEFORE = EFFECTS["baro_drift"]
