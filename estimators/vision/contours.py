@@ -1,5 +1,6 @@
 """Contours of a binary picture that may be a given flat mark, before any pose is known (Lei 2012, section 2.2.1)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -42,9 +43,34 @@ class Candidate:
     area: float  # [px^2] of the mask with its holes filled
     mismatch: float  # equation 4 against the template
 
+    def enlarged(self, times: int) -> "Candidate":
+        """The same in a picture that is larger by a whole factor; its contour to half a pixel of this one."""
+        if times == 1:
+            return self
+        contour = np.asarray(np.rint((self.contour + 0.5) * times - 0.5), np.int32)
+        x0, y0, x1, y1 = self.box
+        box = (x0 * times, y0 * times, x1 * times, y1 * times)
+        return Candidate(contour, box, self.area * times**2, self.mismatch)
+
+
+@dataclass(frozen=True, eq=False)
+class Traced:
+    """The contours of a binary picture, of its light parts and of their holes."""
+
+    mask: Image  # (H, W)
+    contours: Sequence[NDArray[np.int32]]  # (N, 1, 2) each
+    outer: NDArray[np.bool_]  # whether round a light part
+
+    @classmethod
+    def of(cls, mask: Image) -> "Traced":
+        """Contours of a binary picture (H, W)."""
+        contours, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+        outer = hierarchy.reshape(-1, 4)[:, 3] < 0 if len(contours) else np.zeros(0, bool)
+        return cls(mask, [np.asarray(contour, np.int32) for contour in contours], outer)
+
 
 def candidates(
-    mask: Image,
+    traced: Traced,
     template: ShapeTemplate,
     *,
     area: tuple[float, float],
@@ -52,20 +78,16 @@ def candidates(
     solidity_margin: float,
     longest_side_ratio: float = 2.2,
 ) -> list[Candidate]:
-    """Contours of the mask (H, W) that match the template, best first.
+    """Contours of a mask that match the template, best first.
 
     area: least and largest [px^2]; worst: largest value of equation 4. Contours that touch the mask's border are left
     out: they may be cut.
     """
-    contours, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    if len(contours) == 0:
-        return []
-    outer = hierarchy.reshape(-1, 4)[:, 3] < 0
     # an outline of area A is at least as long as that of a disc
     shortest = 2.0 * np.sqrt(np.pi * area[0]) * 0.8
-    height, width = mask.shape
+    height, width = traced.mask.shape
     found = []
-    for contour, is_outer in zip(contours, outer, strict=True):
+    for contour, is_outer in zip(traced.contours, traced.outer, strict=True):
         if not is_outer or len(contour) < shortest:
             continue
         x, y, w, h = cv2.boundingRect(contour)
@@ -86,5 +108,5 @@ def candidates(
             continue
         value = mismatch(affine_invariants(central_moments(filled)), template.invariants)
         if value <= worst:
-            found.append(Candidate(np.asarray(contour, np.int32), (x, y, x + w, y + h), pixels, value))
+            found.append(Candidate(contour, (x, y, x + w, y + h), pixels, value))
     return sorted(found, key=lambda candidate: candidate.mismatch)

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.vision.contours import Traced
 from estimators.vision.pose import LevelAxes, MarkPose, from_pad_plane, on_pad_plane
 from flightlog.camera import CameraModel
 from flightlog.marks import HMark
@@ -20,6 +21,9 @@ from flightlog.marks import HMark
 Floats = NDArray[np.float64]
 
 BORDER = 2.5  # [px] from the picture's edge: not the mark's
+# an outline of this many corners, this share of it in the H's directions: hidden, cut, glaring H's have at most 17, and
+# 0.76 or more, grass has 20 to 40, and less than 0.66
+MOST_CORNERS, STRAIGHT = 24, 0.65
 ALIGNED = math.radians(14.0)  # of an edge to its direction; short ones are ragged
 SHORTEST_RUN, SHORTEST_RUN_INSIDE = 3, 5  # edges; of an outline that the picture does not cut
 MISFIT = 0.06  # of the leg: RMS of the edges' places
@@ -28,6 +32,7 @@ MOST_STARTS, MOST_CONTOURS = 6, 8
 # the edges counter-clockwise from the left leg's foot: direction in quarter turns from +x, and the place across it by
 # width, leg, stroke (of x for edges along y, of y for edges along x)
 QUARTERS = np.array([0, 1, 0, 3, 0, 1, 2, 3, 2, 1, 2, 3])
+ROUND = QUARTERS.astype(np.uint8).tobytes() * 3  # as often as the longest run goes round
 PLACES = np.array(
     [
         (0, -0.5, 0), (-0.5, 0, 1), (0, 0, -0.5), (0.5, 0, -1), (0, -0.5, 0), (0.5, 0, 0),
@@ -83,24 +88,24 @@ def _matches(
 ) -> Iterator[tuple[float, MarkPose, HMark]]:
     """Misfit, pose and mark of every way in which a run of edges may be part of an H."""
     for turned in range(2):  # an H looks the same after half a turn
-        quarters = (edges.quarters[run] + turned) % 4
+        sought = ((edges.quarters[run] + turned) % 4).astype(np.uint8).tobytes()
         for start in range(12):
-            matched = (start + np.arange(len(run))) % 12
-            if np.array_equal(QUARTERS[matched], quarters):
+            if ROUND.startswith(sought, start):
+                matched = (start + np.arange(len(run))) % 12
                 solution = _solved(edges, run, matched, turned, usual, spread)
                 if solution is not None:
                     yield solution[0], *_placed(solution[1], edges.angle, turned, level, usual.leg)
 
 
-def long_contours(mask: NDArray[np.uint8], shortest: float) -> list[tuple[NDArray[np.int32], bool]]:
-    """Contours (N, 1, 2) of a mask (H, W) longer than `shortest` [px], and whether they touch its border."""
-    contours, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+def long_contours(traced: Traced, shortest: float) -> list[tuple[NDArray[np.int32], bool]]:
+    """Contours (N, 1, 2) of a mask longer than `shortest` [px], and whether they touch its border."""
+    height, width = traced.mask.shape
     kept = []
-    for contour in contours:
+    for contour in traced.contours:
         if len(contour) >= shortest:
             x, y, w, h = cv2.boundingRect(contour)
-            cut = x <= 0 or y <= 0 or x + w >= mask.shape[1] or y + h >= mask.shape[0]
-            kept.append((np.asarray(contour, np.int32), cut))
+            cut = x <= 0 or y <= 0 or x + w >= width or y + h >= height
+            kept.append((contour, cut))
     return sorted(kept, key=lambda one: -len(one[0]))[:MOST_CONTOURS]
 
 
@@ -115,7 +120,7 @@ def _edges(contour: NDArray[np.int32], camera: CameraModel, level: LevelAxes) ->
     """The straight pieces that are the mark's own."""
     perimeter = cv2.arcLength(contour, True)
     corners = cv2.approxPolyDP(contour, float(np.clip(0.008 * perimeter, 1.5, 10.0)), True).reshape(-1, 2).astype(float)
-    if not 4 <= len(corners) <= 40:
+    if not 4 <= len(corners) <= MOST_CORNERS:
         return None
     size = np.array([camera.width - 1.0, camera.height - 1.0])
     near_low, near_high = corners <= BORDER, corners >= size - BORDER
@@ -141,7 +146,7 @@ def _edges(contour: NDArray[np.int32], camera: CameraModel, level: LevelAxes) ->
     middle = (flat + 0.5 * sides) @ np.array([[c, -s], [s, c]])
     quarters %= 4
     places = np.where(quarters % 2 == 0, middle[:, 1], middle[:, 0])
-    if good.sum() < SHORTEST_RUN:
+    if good.sum() < SHORTEST_RUN or lengths[good].sum() < STRAIGHT * lengths[~on_border].sum():
         return None
     index = np.flatnonzero(good)
     # an edge follows the one before in the contour, if that was kept

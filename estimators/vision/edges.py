@@ -1,5 +1,6 @@
 """Sub-pixel places of step edges along given normals of a picture."""
 
+import cv2
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,24 @@ def _kernel() -> Floats:
 
 
 KERNEL = _kernel()
+AWAY = 4  # [samples] from an edge to where the response of a sharp one has fallen to a third
+
+
+def sharpness(image: NDArray[np.uint8], points: Floats, normals: Floats, polarity: float) -> float:
+    """How far the matched kernel's response to the points' mean profile falls within 2 px, on the side it falls less.
+
+    image (H, W); points, normals (N, 2) px, the points on one edge or on edges of one direction; polarity as for
+    `edge_offsets`. 0.65 for a step with the usual blur of 0.7 px, 0.5 with a ramp of 4 px, 0 on a long ramp: along it
+    the place of the strongest response is chance.
+    """
+    reach = len(KERNEL) + AWAY
+    along = np.arange(-reach, reach + 1) * STEP
+    at = (points[:, None, :] + along[:, None] * normals[:, None, :]).astype(np.float32)
+    u, v = np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
+    profile = cv2.remap(image, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).mean(axis=0)
+    odd = np.concatenate([KERNEL[::-1], [0.0], -KERNEL])
+    before, middle, after = polarity * np.correlate(profile, odd, "valid")[[0, AWAY, 2 * AWAY]]
+    return float(1.0 - max(before, after) / middle) if middle > 0.0 else 0.0
 
 
 @numba.njit(cache=True)

@@ -23,7 +23,7 @@ from estimators.vision.pose import (
     place,
     wrap_axis,
 )
-from estimators.vision.search import MarkSearch, masks
+from estimators.vision.search import MarkSearch, Sought
 from estimators.vision.sighting import PadPrediction, PadSighting
 from flightlog.camera import CameraModel, CameraMount
 from flightlog.marks import HMark
@@ -36,6 +36,8 @@ SHARPEST_REACH = 10.0  # [px] search on one level of the pyramid
 WIDEST_REACH = 2.2  # [strokes] the next edge of the same contrast is two gaps, some three strokes, away
 THINNEST_STROKE = 5.0  # [px] on a reduced picture
 RAGGED = 0.9  # [px] RMS beyond which edges are not the mark's; chance edges give 1.7
+SHARP = 0.35  # of `EdgeFit.sharpness`: a ramp of 6 px; along a longer one the edges' places are chance
+EVERY_WAY = 0.25  # of the edges that face one way: where fewer agree, motion has blurred them (glare leaves a third)
 LEAST_CONTRAST = 8.0  # [grey levels]
 # share of the model's edge points that must agree: a U or a window laid over an H reaches 0.65, an H with a fifth of
 # its area hidden 0.68
@@ -148,24 +150,49 @@ class HMarkFrontEnd:
         return math.sqrt(lateral**2 + along**2 + (std[3] * radius) ** 2)
 
     def _refine(
-        self, image: Image, level: LevelAxes, start: MarkPose, prior: Floats, reach: float, factor: int, polarity: int
+        self,
+        image: Image,
+        level: LevelAxes,
+        start: MarkPose,
+        prior: Floats,
+        reach: float,
+        factor: int,
+        polarity: int,
+        *,
+        blurred: bool = True,
     ) -> EdgeFit | None:
-        """Edge fit on a reduced picture where the search is wide, then on the picture itself."""
+        """Edge fit on a reduced picture where the search is wide, then on the picture itself.
+
+        Where its edges are blurred, and that is allowed, the answer is that of the largest reduced picture in which
+        they are sharp, its residual counted in pixels of the whole picture.
+        """
+        stroke = self.mark.stroke * min(self.camera.fx, self.camera.fy) / start.position[2]
         if factor > 1:
-            small, camera = reduced(image, self.camera, factor)
-            coarse = fit_outline(
-                small, camera, self._samples, level, start, prior_std=prior, reach=reach / factor,
-                polarity=polarity, tilt_std=self.tilt_std, iterations=6,
-            )  # fmt: skip
+            coarse = self._fit(image, level, start, prior, reach, factor, polarity)
             if coarse is None:
                 return None
             start, polarity = coarse.pose, 1 if coarse.contrast > 0 else -1
             # edges that the small picture was too small for are still as far away as they were
             left_open = np.minimum(np.sqrt(np.diag(coarse.covariance)), prior / PRIOR_WIDTH)
             reach = min(reach, max(3.0 + 0.5 * factor, 3.0 * self._spread(start.position, left_open)))
+        factor = 1
+        while factor == 1 or stroke / factor >= THINNEST_STROKE:
+            fit = self._fit(image, level, start, prior, reach, factor, polarity)
+            if fit is not None and fit.sharpness >= SHARP and fit.residual <= RAGGED:
+                return replace(fit, residual=fit.residual * factor)
+            if not blurred:
+                break
+            factor *= 2
+        return None
+
+    def _fit(
+        self, image: Image, level: LevelAxes, start: MarkPose, prior: Floats, reach: float, factor: int, polarity: int
+    ) -> EdgeFit | None:
+        """Edge fit on a picture reduced by a factor; reach in pixels of the whole picture."""
+        small, camera = reduced(image, self.camera, factor)
         return fit_outline(
-            image, self.camera, self._samples, level, start, prior_std=prior, reach=reach,
-            polarity=polarity, tilt_std=self.tilt_std,
+            small, camera, self._samples, level, start, prior_std=prior, reach=max(reach / factor, 2.0),
+            polarity=polarity, tilt_std=self.tilt_std, iterations=8 if factor == 1 else 6,
         )  # fmt: skip
 
     def _agrees(self, fit: EdgeFit, start: MarkPose, std: Floats) -> bool:
@@ -180,24 +207,30 @@ class HMarkFrontEnd:
 
     @staticmethod
     def _sound(fit: EdgeFit, share: float) -> bool:
-        """Whether this share of the edges agrees."""
-        return fit.used >= share * fit.expected and fit.residual <= RAGGED and abs(fit.contrast) >= LEAST_CONTRAST
+        """Whether this share of the edges agrees, or, with none demanded, what a cover leaves of them."""
+        enough = share == 0.0 or (fit.used >= share * fit.expected and fit.facing >= EVERY_WAY)
+        return enough and abs(fit.contrast) >= LEAST_CONTRAST
 
     # finding
 
     def _acquire(self, image: Image, level: LevelAxes, prediction: PadPrediction | None) -> PadSighting | None:
+        whole = Sought(image, 0, 0)
         if prediction is not None and self._too_near(prediction):
-            return self._search_part(image, level)
-        found = self._search(image, level, prediction)
-        if found is None and prediction is not None:
-            found = self._search(image, level, None)  # the filter may be mistaken, and surer than it should be
-        return found or self._search_part(image, level)
+            return self._search_part(image, level, whole)
+        found = None
+        if prediction is not None:
+            left, top, right, bottom = self._region(prediction)
+            if min(right - left, bottom - top) >= SMALLEST_SIDE:
+                part = Sought(image[top:bottom, left:right], left, top)
+                found = self._search(image, level, part, prediction)
+        # the filter may be mistaken, and surer than it should be
+        return found or self._search(image, level, whole, None) or self._search_part(image, level, whole)
 
-    def _search_part(self, image: Image, level: LevelAxes) -> PadSighting | None:
+    def _search_part(self, image: Image, level: LevelAxes, sought: Sought) -> PadSighting | None:
         """A mark that is cut or partly hidden, by those of its edges that are seen."""
-        small, camera = reduced(image, self.camera, 2 if min(image.shape) >= 300 else 1)
-        for mask, polarity in masks(np.asarray(cv2.medianBlur(small, 3), np.uint8)):
-            for contour, cut in long_contours(mask, 3.0 * SMALLEST_SIDE):
+        _, camera = reduced(image, self.camera, sought.times)
+        for traced, polarity in sought.traced():
+            for contour, cut in long_contours(traced, 3.0 * SMALLEST_SIDE):
                 run = SHORTEST_RUN if cut else SHORTEST_RUN_INSIDE
                 for start, _ in cut_starts(contour, camera, level, self.mark, np.full(2, 0.02), shortest=run):
                     fit = self._verified(image, level, start, polarity, whole=False)
@@ -211,23 +244,21 @@ class HMarkFrontEnd:
         widest = max(self.camera.fx / self.camera.width, self.camera.fy / self.camera.height)
         return bool(farthest < self._size * widest)
 
-    def _search(self, image: Image, level: LevelAxes, prediction: PadPrediction | None) -> PadSighting | None:
-        left, top, right, bottom = self._region(prediction)
-        if right - left < SMALLEST_SIDE or bottom - top < SMALLEST_SIDE:
-            return None
-        region = np.asarray(cv2.medianBlur(np.ascontiguousarray(image[top:bottom, left:right]), 3), np.uint8)
-        area = self._area_bounds(prediction, region.size)
-        for poses in self._marks.poses(region, (left, top), area, level):
+    def _search(
+        self, image: Image, level: LevelAxes, sought: Sought, prediction: PadPrediction | None
+    ) -> PadSighting | None:
+        area = self._area_bounds(prediction, sought.region.size)
+        for poses in self._marks.poses(sought, area, level):
             fits = (self._verified(image, level, start, polarity) for start, polarity in poses)
             best = min((fit for fit in fits if fit is not None), key=lambda fit: fit.residual, default=None)
             if best is not None:
                 return self._sighting(best, tracked=False)
         return None
 
-    def _region(self, prediction: PadPrediction | None) -> tuple[int, int, int, int]:
+    def _region(self, prediction: PadPrediction) -> tuple[int, int, int, int]:
         """Left, top, right, bottom [px] of where the mark is expected within three standard deviations."""
         whole = (0, 0, self.camera.width, self.camera.height)
-        if prediction is None or prediction.position[2] <= 0.0:
+        if prediction.position[2] <= 0.0:
             return whole
         centre = self.camera.project(np.asarray(prediction.position, float))[0]
         std = np.append(prediction.std_position, prediction.std_angle)
@@ -257,7 +288,7 @@ class HMarkFrontEnd:
         while stroke / (2 * factor) > 12.0 and factor < 8:
             factor *= 2
         prior = np.array([0.2 * depth, 0.2 * depth, 0.3 * depth, 0.5])
-        fit = self._refine(image, level, start, prior, 6.0 * factor, factor, polarity)
+        fit = self._refine(image, level, start, prior, 6.0 * factor, factor, polarity, blurred=whole)
         if fit is None or fit.used < 60:
             return None
         covered = not whole and covered_from_one_side(fit.places, fit.agree, anew=True)

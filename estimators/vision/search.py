@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.vision.contours import Candidate, ShapeTemplate, candidates
+from estimators.vision.contours import Candidate, ShapeTemplate, Traced, candidates
 from estimators.vision.pose import LevelAxes, MarkPose, from_pad_plane, on_pad_plane
 from estimators.vision.threshold import above, class_contrast, local_mask, lower_otsu, modified_otsu, otsu
 from flightlog.camera import CameraModel
@@ -19,6 +19,7 @@ ROUGH, NEAR, FINE = 2.5, 0.6, 0.4  # equation 4: worth a threshold of its own; g
 MOST_TRIED = 5  # contours of one threshold
 LEAST_CONTRAST = 8.0  # [grey levels] between the classes of a threshold
 LOCAL_MARGIN = 12.0  # [grey levels] above the surroundings' mean
+LARGE = 100_000  # [px] of a region that is sought through at half its size: most of the time goes into grass
 
 
 def masks(region: Image) -> Iterator[tuple[Image, int]]:
@@ -38,6 +39,33 @@ def masks(region: Image) -> Iterator[tuple[Image, int]]:
     yield local_mask(np.asarray(cv2.bitwise_not(region), np.uint8), window, LOCAL_MARGIN), -1
 
 
+class Sought:
+    """A part of a picture to look for a mark in: median-filtered, its binary pictures made when first asked for."""
+
+    def __init__(self, picture: Image, left: int, top: int) -> None:
+        """Part (H, W) of a picture whose upper left pixel lies at (left, top) of it."""
+        self.corner = (left, top)
+        self.region = np.asarray(cv2.medianBlur(np.ascontiguousarray(picture), 3), np.uint8)
+        self.times = 2 if self.region.size > LARGE else 1  # by which `traced` is reduced
+        self._traced: list[tuple[Traced, int]] = []
+        self._more = masks(self._reduced())
+
+    def _reduced(self) -> Image:
+        if self.times == 1:
+            return self.region
+        height, width = self.region.shape[0] // self.times, self.region.shape[1] // self.times
+        whole = self.region[: height * self.times, : width * self.times]
+        small = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
+        return np.asarray(cv2.medianBlur(small, 3), np.uint8)
+
+    def traced(self) -> Iterator[tuple[Traced, int]]:
+        """Contours of the binary pictures, with the mark's polarity, likeliest threshold first."""
+        yield from self._traced
+        for mask, polarity in self._more:
+            self._traced.append((Traced.of(mask), polarity))
+            yield self._traced[-1]
+
+
 class MarkSearch:
     """Poses that a flat mark of known outline may have, from the shape of contours alone."""
 
@@ -50,39 +78,34 @@ class MarkSearch:
         self._lengthwise = moments["mu02"] / moments["mu20"]  # second moment along the axis over that across it
 
     def poses(
-        self, region: Image, corner: tuple[int, int], area: tuple[float, float], level: LevelAxes
+        self, sought: Sought, area: tuple[float, float], level: LevelAxes
     ) -> Iterator[list[tuple[MarkPose, int]]]:
         """Poses with the mark's polarity (+1 light, -1 dark), a list for each threshold, likeliest threshold first.
 
-        region: a part of the picture, median-filtered, its upper left pixel at `corner` (x, y) of the picture;
         area: least and largest area [px^2] of the mark.
         """
-        for mask, polarity in masks(region):
-            if cv2.countNonZero(mask) < area[0]:
+        bounds = (area[0] / sought.times**2, area[1] / sought.times**2)
+        for traced, polarity in sought.traced():
+            if cv2.countNonZero(traced.mask) < bounds[0]:
                 continue
-            rough = candidates(mask, self._template, area=area, worst=ROUGH, solidity_margin=0.25)
+            rough = candidates(traced, self._template, area=bounds, worst=ROUGH, solidity_margin=0.25)
             yield [
                 (pose, polarity)
-                for contour in rough[:MOST_TRIED]
-                for pose in self._examined(region, corner, contour, polarity, area, level)
+                for one in rough[:MOST_TRIED]
+                for pose in self._examined(sought, one.enlarged(sought.times), polarity, area, level)
             ]
 
     def _examined(
-        self,
-        region: Image,
-        corner: tuple[int, int],
-        rough: Candidate,
-        polarity: int,
-        area: tuple[float, float],
-        level: LevelAxes,
+        self, sought: Sought, rough: Candidate, polarity: int, area: tuple[float, float], level: LevelAxes
     ) -> list[MarkPose]:
         """Poses of a rough contour, thresholded again by Otsu in the contour's own surroundings."""
+        region, corner = sought.region, sought.corner
         x0, y0, x1, y1 = rough.box
         margin = 4 + (x1 - x0 + y1 - y0) // 8
         x0, y0 = max(x0 - margin, 0), max(y0 - margin, 0)
         patch = np.ascontiguousarray(region[y0 : y1 + margin, x0 : x1 + margin])
         mask = above(patch, otsu(patch), below=polarity < 0)
-        sharp = candidates(mask, self._template, area=area, worst=FINE, solidity_margin=0.15)
+        sharp = candidates(Traced.of(mask), self._template, area=area, worst=FINE, solidity_margin=0.15)
         if sharp:
             return self._from_moments(sharp[0], (corner[0] + x0, corner[1] + y0), level)
         # uneven light: the first threshold may have been the better

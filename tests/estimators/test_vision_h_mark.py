@@ -232,6 +232,34 @@ def test_a_defaced_mark_is_followed_and_never_wrong(painter: Any, height: float,
         assert found is None or np.linalg.norm(shot.error(found)[:3]) < 3e-3 * height
 
 
+def _smeared(shot: Shot, sweep: np.ndarray, rng: np.random.Generator) -> Shot:
+    """Mean over a straight motion (2,) [px], with noise of its own."""
+    moved = [
+        cv2.warpAffine(shot.image.astype(np.float32), np.array([[1.0, 0.0, f * sweep[0]], [0.0, 1.0, f * sweep[1]]]),
+                       shot.image.shape[::-1], borderMode=cv2.BORDER_REPLICATE)
+        for f in (np.arange(24) + 0.5) / 24 - 0.5
+    ]  # fmt: skip
+    grey = np.mean(moved, axis=0) + rng.normal(0.0, 5.0, shot.image.shape)
+    return replace(shot, image=np.clip(np.rint(grey), 0, 255).astype(np.uint8))
+
+
+@pytest.mark.parametrize(("strokes", "least"), [(0.2, 10), (0.5, 9), (1.0, 0)])
+def test_motion_by_part_of_a_stroke_is_seen_through_and_more_is_not_taken_for_a_pose(
+    painter: Any, strokes: float, least: int
+) -> None:
+    rng = np.random.default_rng(30)
+    front_end, found = HMarkFrontEnd(CAMERA, MOUNT, MARK), 0
+    for _ in range(10):
+        shot = shoot(painter, rng.uniform(4.0, 12.0), rng)
+        angle, length = rng.uniform(0.0, math.pi), strokes * MARK.stroke * CAMERA.fy / shot.pose.position[2]
+        shot = _smeared(shot, length * np.array([math.cos(angle), math.sin(angle)]), rng)
+        seen = front_end.see(shot.image, shot.attitude, shot.prediction(rng))
+        if seen is not None:
+            found += 1
+            assert np.all(np.abs(shot.error(seen)) < 5.0 * np.append(seen.std_position, seen.std_angle))
+    assert found >= least
+
+
 def test_clutter_is_not_taken_for_the_mark(painter: Any) -> None:
     rng = np.random.default_rng(21)
     front_end = HMarkFrontEnd(CAMERA, MOUNT, MARK)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimators.vision.contours import ShapeTemplate, candidates
+from estimators.vision.contours import ShapeTemplate, Traced, candidates
 from estimators.vision.moments import affine_invariants, central_moments, mismatch
 from estimators.vision.threshold import modified_otsu, otsu
 from flightlog.marks import HMark
@@ -130,7 +130,7 @@ def test_candidates_take_the_h_and_leave_the_rest() -> None:
     for i, shape in enumerate((H, SQUARE, T, PLUS)):
         mask = raster(shape, 100.0)
         scene[60 : 60 + mask.shape[0], 20 + 150 * i : 20 + 150 * i + mask.shape[1]] = mask * 255
-    found = candidates(scene, ShapeTemplate.of(H), area=(1000, 20000), worst=0.4, solidity_margin=0.15)
+    found = candidates(Traced.of(scene), ShapeTemplate.of(H), area=(1000, 20000), worst=0.4, solidity_margin=0.15)
     assert len(found) == 1
     assert found[0].box[0] < 30 and found[0].mismatch < 0.15
 
