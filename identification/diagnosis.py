@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from importlib import import_module
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from flightlog.errors import UserError
 from flightlog.tables import Table
@@ -63,6 +64,11 @@ def diagnose(logs: Logs, vehicle: Vehicle, *, threshold: float = THRESHOLD) -> V
 
 def examine(logs: Logs, vehicle: Vehicle, *, threshold: float = THRESHOLD) -> Diagnosis:
     """`diagnose`, with all that the verdict was taken from."""
+    with threadpool_limits(1, "blas"):  # its threads and ours would wait for each other
+        return _examine(logs, vehicle, threshold)
+
+
+def _examine(logs: Logs, vehicle: Vehicle, threshold: float) -> Diagnosis:
     bench = open_bench(logs, vehicle)
     search = Search(bench, threshold)
     best: Names = search.run() if bench.baseline.certified else ()

@@ -92,7 +92,8 @@ class Sheet:
         self.channel: NDArray[np.int64] = np.concatenate(
             [flight.motion.kinds, DRIVEN + np.tile(np.arange(7), nodes)]
         ).astype(np.int64)
-        self._late = self.t >= flight.motion.t[0] + SETTLED
+        # the model's own filter is at rest by then; a sensor's first words say how far its bias is from nothing
+        self._late = (self.t >= flight.motion.t[0] + SETTLED) | (self.channel < DRIVEN)
         self.spread = float(model.vehicle.document["environment"]["wind_std"]["value"])
         self._sensors(causes, scalars, nodes)
         self.wind: Floats = np.zeros(3)

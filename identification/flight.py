@@ -27,6 +27,7 @@ CLEAR = 0.08  # [m] of the skids above the ground while a flight is looked at
 SETTLED = 1.0  # [s] until the filter knows where it is
 LEAST_SAMPLES = 40  # to take a noise level from
 LEAST_FACTOR = 0.4  # of the declared one
+PAD_TAU = 4.0  # [s] for which a front end's errors last: attitude that it was given, size of the mark
 PAD_FLOOR, ANGLE_FLOOR = 0.0005, 5e-4  # [m], [rad] that no front end is better than
 TACH_SPAN = 0.3  # [s] over which the tachometer is smoothed
 CHI2_MEDIAN = 0.4549  # median of chi-square with one degree of freedom
@@ -290,6 +291,8 @@ def _statistics(vehicle: Vehicle, node_step: float, imu_step: float) -> tuple[Fl
     if "sonar" in numbers:
         prior[k.SONAR_SCALE] = numbers["sonar"]["scale_std"] ** 2
     if "pad" in numbers:
+        wander(slice(k.PAD_SLOW, k.PAD_SLOW + 4), 1.0, PAD_TAU)
+        prior[k.PAD_SLOW : k.PAD_SLOW + 4] = 1.0
         prior[k.CAMERA_SCALE] = numbers["pad"]["scale_std"] ** 2
         prior[k.CAMERA_TILT : k.CAMERA_TILT + 2] = imu["misalignment_std"] ** 2  # of the body that the sensor sees
     return prior, noise, decay
@@ -308,12 +311,12 @@ def _filter(
     prior, noise, decay = _statistics(vehicle, STEP, float(np.median(np.diff(imu_t))))
     way, samples = np.zeros((nodes, 15)), np.zeros((len(imu_t), 10))
     rows, gains, answers = (np.zeros((len(times), n)) for n in (k.STATES, k.STATES, 3))
-    shifts = np.zeros(len(times))
+    shifts, slow = np.zeros(len(times)), np.where(kinds >= k.PAD, stds, 0.0)
     ends = np.clip(edges[1:] - 1, 0, len(imu_t) - 1)
     skid = float(vehicle.geometry["skid_height"])
     for last in (False, False, False, True):
         k.track(
-            imu_t, imu, edges, first, kinds, times, values, stds, shifts, start, setup, MAGNETIC_FIELD, prior, noise,
+            imu_t, imu, edges, first, kinds, times, values, stds, slow, shifts, start, setup, MAGNETIC_FIELD, prior, noise,
             decay, way, samples, rows, gains, answers,
         )  # fmt: skip
         height = samples[ends, 2] - skid
@@ -337,8 +340,7 @@ def _noise_factors(kinds: Ints, times: Floats, stds: Floats, answers: Floats, be
         nu, s, r = answers[at, 0], answers[at, 1], stds[at]
         spread = np.median((nu / s) ** 2) / CHI2_MEDIAN  # of the innovation over what was expected
         share = np.median((r / s) ** 2)  # of the innovation's variance that is white noise
-        least = 1.0 if kind == k.PAD + 2 else LEAST_FACTOR  # the mark's size errs slowly: not white, never better
-        factors[kind] = math.sqrt(np.clip((spread - (1.0 - share)) / share, least**2, 9.0))
+        factors[kind] = math.sqrt(np.clip((spread - (1.0 - share)) / share, LEAST_FACTOR**2, 9.0))
     return factors
 
 

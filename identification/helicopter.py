@@ -27,6 +27,7 @@ START = Noise(
     noise=(0.05, 0.05, 0.05, 1e-3, 1e-3, 1e-3, 0.22),
 )  # fmt: skip
 ROUNDS = 2  # of everything set free
+WIND_ROUNDS = 2
 FREE_ROUNDS = 3  # of the fit in each
 ROUGH = ("actuator_deadband",)  # causes of which a slope says little
 MOVED = 0.5  # of a tolerance, beyond which a slope is taken anew
@@ -56,6 +57,11 @@ class HelicopterBench:
         self.sheets = [Sheet(self.model, flight, self.causes, self._knob_keys) for flight in self.flights]
         self.noise: Noise = like.noise if like is not None else START
         for sheet in self.sheets:
+            for _ in range(WIND_ROUNDS):  # drag and flapping are not linear in the wind
+                sheet.linearise()
+                sheet.whiten(self.noise)
+                _, local, _ = ev.solve(sheet.rows(sheet.residual({})), self.tolerances)
+                sheet.wind = np.array([*local[:2], 0.0])
             sheet.linearise()
             sheet.whiten(self.noise)
         for _ in range(ROUNDS):

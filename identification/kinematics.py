@@ -6,7 +6,8 @@ the innovations follows without running the filter again (`whitening`).
 
 Error state, world axes: position, velocity, attitude (R = exp(phi) R^), then what the sensors' makers declare as
 unknown: accelerometer and gyro bias, barometer bias and drift, GPS bias and wander, magnetometer bias, scale of the
-ranger, scale and tilt of the down camera.
+ranger, scale and tilt of the down camera, and what its errors of x, y, z and angle have in common for some seconds, in
+units of the deviation that it states itself.
 """
 
 import math
@@ -19,8 +20,8 @@ from flightlog.rotations import from_vector, matrix, multiply
 
 P, V, PHI, B_A, B_G = 0, 3, 6, 9, 12
 BARO_BIAS, BARO_DRIFT, GPS_BIAS, GPS_WANDER, MAG = 15, 16, 17, 20, 23
-SONAR_SCALE, CAMERA_SCALE, CAMERA_TILT = 26, 27, 28
-STATES = 30
+SONAR_SCALE, CAMERA_SCALE, CAMERA_TILT, PAD_SLOW = 26, 27, 28, 30
+STATES = 34
 
 # kinds of scalar measurement
 GPS, GPS_V, BARO, SONAR, FIELD, PAD, PAD_ANGLE = 0, 3, 6, 7, 8, 11, 14
@@ -155,7 +156,7 @@ def transition(step, f, r, decay, x):
 
 @numba.njit(cache=True)
 def track(
-    imu_t, imu, edges, first, kinds, times, values, stds, shifts, start, setup, field, prior, noise, decay, way, motion,
+    imu_t, imu, edges, first, kinds, times, values, stds, slow, shifts, start, setup, field, prior, noise, decay, way, motion,
     rows, gains, answers,
 ):
     """Filter a log; returns the biases (STATES,) at its end and their variances.
@@ -164,6 +165,7 @@ def track(
 
         imu_t (S,), imu (S, 6): inertial samples. edges (N + 1,): the sample at which each node begins.
         first (N + 1,): the measurement at which each node's begin; kinds, times, values, stds (M,).
+        slow (M,): deviation of what a measurement's errors have in common for some seconds.
         shifts (M,): what the model adds to the prediction beside the state (downwash of the barometer) [unit].
         start (10,): position, velocity, quaternion. setup, field: see `predict`.
         prior, noise, decay (STATES,): variance at the start, variance added a node, factor a node.
@@ -228,6 +230,9 @@ def track(
             value = predict(kind, times[m] - t, p, v, q, rate, extra, setup, field, row) + shifts[m]
             if kind == PAD or kind == PAD + 1:
                 value += row[CAMERA_TILT + kind - PAD] * biases[CAMERA_TILT + kind - PAD]
+            if kind >= PAD:
+                row[PAD_SLOW + kind - PAD] = slow[m]
+                value += slow[m] * biases[PAD_SLOW + kind - PAD]
             innovation = values[m] - value
             if kind == PAD_ANGLE:
                 innovation -= math.pi * round(innovation / math.pi)

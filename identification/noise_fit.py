@@ -14,8 +14,9 @@ from identification.flight import Flight
 Floats = NDArray[np.float64]
 
 GUST, FORCE, RATE, ROTOR = slice(0, 2), slice(2, 5), slice(5, 8), slice(8, 10)
-ITERATIONS = 12
+ITERATIONS = 6
 STEP = 0.02  # of a logarithm, for the gradient
+MAD = 0.6745  # median of the absolute value of a standard normal number
 REACH = np.log(30.0)  # that a level may move
 
 
@@ -44,6 +45,7 @@ def of_levels(x: Floats, like: Noise) -> Noise:
 
 def fit(start: Noise, flights: Sequence[Settled]) -> Noise:
     """The levels under which the innovations of all flights are likeliest."""
+    start = _scaled(start, flights)
     first = levels(start)
 
     def cost(x: Floats) -> float:
@@ -56,6 +58,18 @@ def fit(start: Noise, flights: Sequence[Settled]) -> Noise:
             bounds=[(x - REACH, x + REACH) for x in first], options={"maxiter": ITERATIONS, "ftol": 1e-6},
         )  # fmt: skip
     return of_levels(np.asarray(solved.x), start)
+
+
+def _scaled(noise: Noise, flights: Sequence[Settled]) -> Noise:
+    """Each channel's levels times the spread of its innovations."""
+    left = np.concatenate([judge(f.flight, f.wind, f.answer, f.gust, noise).residual for f in flights])
+    left = np.where(left == 0.0, np.nan, left)
+    spread = np.nan_to_num(np.nanmedian(np.abs(left), axis=0) / MAD, nan=1.0)
+    factor = np.clip(spread, 0.1, 10.0)
+    return replace(
+        noise, noise=tuple((np.array(noise.noise) * factor).tolist()),
+        process=tuple((np.array(noise.process) * factor).tolist()),
+    )  # fmt: skip
 
 
 def _with_slope(
