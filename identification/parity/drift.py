@@ -7,15 +7,16 @@ that itself changes slowly.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.parity.series import Floats, Heights, Series
 
 STEP = 0.5  # [s] of a node at least
 NODES = 2400  # at most
-RESTLESS = 2.0  # [m/s^1.5] random walk of the climb rate
+RESTLESS = 4.0  # [m/s^1.5] random walk of the climb rate
 OFFSET = 100.0  # [m] of every sensor's zero
 TOGETHER = 1.0, 60.0  # [m], [s] slow error common to all barometers: weather, the air in the hull
 APART = 1.0, 60.0  # [m], [s] of each of them
@@ -33,7 +34,7 @@ FLOORS: Mapping[str, float] = {"baro": 0.25, "gps": 0.2, "climb": 0.1, "referenc
 RATES = (0.1, 0.3, 1.0)  # [m/s] of a sensor that walks away, standard deviation
 SMOOTH: Mapping[str, float] = {"baro": 0.03, "gps": 0.04}  # [m/s] the same of any day; a receiver's for hdop 1
 LASTING = 15.0  # [s] for which it keeps its rate
-ODD = 0.01, 20.0  # share and size [m] of samples that are neither
+ODD = 5.0  # standard deviations beyond which a sample is left out, under every hypothesis alike
 REST = 2.0, 0.05  # [s] and throttle [1]: standing on the ground before and after
 LEVEL = 0.4, 0.05  # [m] and share of the way: how far the ground there differs
 
@@ -181,6 +182,13 @@ def _ground(heights: Heights, t: Floats) -> tuple[Floats, float] | None:
     return value, LEVEL[0] + LEVEL[1] * way
 
 
+def plain(problem: Problem) -> Problem:
+    """The problem without the samples that a filter in which nothing walks away cannot believe."""
+    odd = np.zeros(problem.values.shape, bool)
+    _filter(problem, {}, odd=odd)
+    return replace(problem, values=np.where(odd, np.nan, problem.values))
+
+
 def evidence(problem: Problem, rates: Mapping[str, float] | None = None) -> float:
     """Log evidence with some sensors walking away at rates of these standard deviations [m/s]."""
     return _filter(problem, rates or {})[0]
@@ -204,7 +212,7 @@ def walk(problem: Problem, sensor: str, rates: Mapping[str, float]) -> Walk:
 
 
 def _filter(
-    problem: Problem, rates: Mapping[str, float], begun: int | None = None
+    problem: Problem, rates: Mapping[str, float], begun: int | None = None, odd: NDArray[np.bool_] | None = None
 ) -> tuple[float, Floats, Floats, Floats, Floats, Floats]:
     sizes = problem.sizes.copy()
     keep = np.where(np.isinf(problem.taus), 1.0, np.exp(-problem.step / problem.taus))
@@ -221,7 +229,7 @@ def _filter(
     x, p = np.zeros(count), np.diag(np.where(np.arange(count) == begun, 0.0, sizes) ** 2)
     means, covariances = np.empty((nodes, count)), np.empty((nodes, count, count))
     ahead_means, ahead_covariances = np.empty((nodes, count)), np.empty((nodes, count, count))
-    total, (odd, wide) = 0.0, ODD
+    total = 0.0
     have = np.isfinite(problem.values)
     for n in range(nodes):
         if n:
@@ -232,12 +240,12 @@ def _filter(
             ph = p @ h
             s2 = float(h @ ph) + problem.stds[m] ** 2
             nu = float(problem.values[n, m] - h @ x)
-            usual = np.log1p(-odd) - 0.5 * (nu * nu / s2 + np.log(s2))
-            strange = np.log(odd) - 0.5 * (nu * nu / (s2 + wide**2) + np.log(s2 + wide**2))
-            total += float(np.logaddexp(usual, strange))
-            if usual > strange:
-                x = x + ph * (nu / s2)
-                p = p - np.outer(ph, ph / s2)
+            if odd is not None and nu * nu > ODD**2 * s2:
+                odd[n, m] = True
+                continue
+            total -= 0.5 * (nu * nu / s2 + np.log(s2))
+            x = x + ph * (nu / s2)
+            p = p - np.outer(ph, ph / s2)
         means[n], covariances[n] = x, p
     return total, means, covariances, ahead_means, ahead_covariances, f
 
@@ -250,3 +258,8 @@ def hypotheses(problem: Problem) -> dict[str, Sequence[str]]:
     if gps := [name for name in problem.slow if name.startswith("gps") and not name.endswith(".vu")]:
         found["gps_drift"] = gps
     return found
+
+
+def witnesses(problem: Problem) -> int:
+    """Channels that measure the height and carry weight."""
+    return sum(name != "ground" or std < WANDER[0] for name, std in zip(problem.names, problem.stds, strict=True))

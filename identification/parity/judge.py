@@ -70,12 +70,10 @@ def judge(logs: Mapping[str, Mapping[str, Table]]) -> Verdict:
         if len(heights.levels) + (heights.sonar is not None) < 2:
             notes.append(f"{name}: {_only(heights)}; nothing measures the same beside it")
             continue
-        apart = alignment.strangers(heights) and alignment.strangers(alignment.offset(heights)[1])
-        if apart:
-            notes.append(f"{name}: {apart[0]} and {apart[1]} do not move together: swapped, of another flight, or one "
-                         "of them broken; which walks away is not judged")  # fmt: skip
         comparable = True
-        every[name] = {f.name: f for f in _examine(heights)}
+        findings, doubts = _examine(heights)
+        every[name] = {f.name: f for f in findings}
+        notes += [f"{name}: {doubt}" for doubt in doubts]
         found = _asserted(every[name])
         notes += [f"{name}: {f.said}" for f in found]
         channels += _channels(name if len(logs) > 1 else "", heights, found)
@@ -98,8 +96,8 @@ def judge(logs: Mapping[str, Mapping[str, Table]]) -> Verdict:
     )  # fmt: skip
 
 
-def _examine(heights: Heights) -> list[Finding]:
-    """Every cause on one flight. Jumps are counted first and left out of what walks slowly."""
+def _examine(heights: Heights) -> tuple[list[Finding], list[str]]:
+    """Every cause on one flight, and what is not judged. Jumps are counted first and left out of what walks slowly."""
     found: list[Finding] = []
     late, clean = alignment.offset(heights)
     if late is not None:
@@ -113,13 +111,18 @@ def _examine(heights: Heights) -> list[Finding]:
         clean = replace(clean, baro={**clean.baro, topic: series.without(jumps.rows)})
     if heights.sonar is not None:
         found.append(_echoes(events.false_echoes(clean)))
-    if alignment.strangers(clean) is None:
+    apart = alignment.strangers(clean)
+    if apart is None:
         found += _drifts(clean)
     best: dict[str, Finding] = {}
     for finding in found:  # the worst of several devices
         if finding.name not in best or finding.log_bayes_factor > best[finding.name].log_bayes_factor:
             best[finding.name] = finding
-    return list(best.values())
+    doubts = [] if apart is None else [
+        f"{apart[0]} and {apart[1]} do not move together: swapped, of another flight, or one of them broken; "
+        "which walks away is not judged"
+    ]  # fmt: skip
+    return list(best.values()), doubts
 
 
 def _late(late: alignment.Late, after: Heights) -> Finding:
@@ -163,6 +166,7 @@ def _drifts(heights: Heights) -> list[Finding]:
     problem = drift.pose(heights)
     if problem is None or len(problem.names) < 2:
         return []
+    problem = drift.plain(problem)
     usual = drift.evidence(problem)
     found = []
     for name, sensors in drift.hypotheses(problem).items():
@@ -187,7 +191,7 @@ def _drift(name: str, best: tuple[str, float], score: float, problem: drift.Prob
 
     usual = np.hypot(problem.sizes[problem.slow[sensor]], problem.sizes[problem.slow.get("baro", 0)]
                      if sensor.startswith("baro_") else 0.0)  # fmt: skip
-    beyond = bool(np.ptp(walked.error) > STRAYS * usual)
+    beyond = bool(np.ptp(walked.error) > STRAYS * usual and abs(moved) > 2.0 * std)
 
     def corrected(heights: Heights) -> Heights:
         def right(series: Series) -> Series:
@@ -200,7 +204,7 @@ def _drift(name: str, best: tuple[str, float], score: float, problem: drift.Prob
         )
 
     return Finding(name, "sensor", score, channel, parameters, said, corrected, beyond,
-                   len(problem.names))  # fmt: skip
+                   drift.witnesses(problem))  # fmt: skip
 
 
 def _known(value: float, std: float, unit: str, nominal: float = 0.0) -> Fitted:
