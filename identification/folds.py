@@ -1,10 +1,9 @@
 """Linear prediction of rows that were not fitted.
 
 About one expansion point every hypothesis is r = J theta + L lambda + e, e ~ N(0, 1): theta shared by all flights,
-lambda a flight's own. What the fitted units leave of theta and lambda is the prior under which the held-out unit is
-judged. Causes stay as they were trained; what may be off without any (tolerances, the wind) may follow the unit. The
-expansion point itself is that of the fit to everything, which a fold moves from by a fraction of a standard
-deviation; the model is not run again.
+lambda a flight's own. Causes are trained on the fitted units and stay so on the held-out one; what may be off without
+any (tolerances, the wind) follows that one within its prior. The expansion point itself is that of the fit to
+everything, which a fold moves from by a fraction of a standard deviation; the model is not run again.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,6 +34,7 @@ class Held:
 
     log_likelihood: float  # up to what all hypotheses share
     residual: Floats  # (R of the unit,) what is left once all that may be off anyway has followed the unit
+    nuisances: Mapping[str, float]  # by key, where those have gone, in standard deviations of their priors
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Hypothesis:
     flights: Sequence[Rows]
     std: Mapping[str, float]  # by key, of its prior; > 0
     shift: Mapping[str, float]  # by key, expansion point less nominal value
-    held: frozenset[str] = frozenset()  # keys that stay as trained on a held-out unit; the others follow it
+    own: frozenset[str] = frozenset()  # keys of causes: they alone are trained, and stay so on a held-out unit
     _normal: dict[int, tuple[Floats, Floats]] = field(default_factory=dict)  # by unit
 
     def __post_init__(self) -> None:
@@ -71,9 +71,13 @@ class Hypothesis:
         return self._normal[id(unit)]
 
 
-def predict(hypothesis: Hypothesis, units: Sequence[Unit], held: int, test: Hypothesis | None = None) -> Held:
+def predict(
+    hypothesis: Hypothesis, units: Sequence[Unit], held: int, test: Hypothesis | None = None, whole_fit: bool = False
+) -> Held:
     """The unit `held` from all others of `units`; with `test`, a unit of that hypothesis' flights from all of `units`.
 
+    Causes are trained on the others. What may be off without any starts from its tolerance, as in a vehicle file that
+    is extended by the causes alone; with `whole_fit` it is trained as well, as in a fit of all parameters.
     Raises ValueError where test and training do not share their numbers.
     """
     k = len(hypothesis.std)
@@ -81,16 +85,49 @@ def predict(hypothesis: Hypothesis, units: Sequence[Unit], held: int, test: Hypo
     if list(other.std) != list(hypothesis.std):
         raise ValueError("test and training must have the same free numbers")
     unit = units[held] if test is None else Unit(held, np.ones(len(test.flights[held].residual), bool))
-    own = len(other.flights[unit.flight].local_std)
+    mean, precision = _trained(hypothesis, units, None if test is not None else held, other, unit)
+    fixed = [i for i, key in enumerate(hypothesis.std) if key in hypothesis.own]
+    follows = [i for i in range(len(mean)) if i not in fixed]
+    if not whole_fit:
+        of_causes = np.linalg.inv(precision)[np.ix_(fixed, fixed)]
+        precision = np.eye(len(mean))
+        precision[np.ix_(fixed, fixed)] = np.linalg.inv(of_causes)
+        mean[follows] = 0.0
+    x, r = other.design(unit)
+    error = r - x @ mean
+    after = precision + x.T @ x
+    back = x.T @ error
+    likelihood = -0.5 * (_log_det(after) - _log_det(precision) + error @ error - back @ np.linalg.solve(after, back))
+    free = x[:, follows]
+    moved = np.linalg.solve(precision[np.ix_(follows, follows)] + free.T @ free, free.T @ error)
+    where = mean[follows] + moved
+    keys = list(hypothesis.std)
+    gone = {keys[i]: float(value) for i, value in zip(follows, where, strict=True) if i < k}
+    return Held(float(likelihood), error - free @ moved, gone)
+
+
+def without(hypothesis: Hypothesis, unit: Unit, nuisances: Mapping[str, float]) -> Floats:
+    """(R,) what is left of a unit with every cause at rest and the nuisances where they have gone; locals follow."""
+    x, r = hypothesis.design(unit)
+    k = len(hypothesis.std)
+    left = r - x[:, :k] @ np.array([nuisances.get(key, 0.0) for key in hypothesis.std])
+    local = x[:, k:]
+    return np.asarray(left - local @ np.linalg.solve(np.eye(local.shape[1]) + local.T @ local, local.T @ left))
+
+
+def _trained(
+    hypothesis: Hypothesis, units: Sequence[Unit], held: int | None, other: Hypothesis, unit: Unit
+) -> tuple[Floats, Floats]:
+    """Mean and precision of what is shared, and of the own unknowns of the flight that `unit` lies in."""
+    k, own = len(hypothesis.std), len(other.flights[unit.flight].local_std)
     precision, pull = np.eye(k + own), np.zeros(k + own)
     by_flight: dict[int, list[tuple[Floats, Floats]]] = {}
     for i, item in enumerate(units):
-        if test is None and i == held:
-            continue
-        by_flight.setdefault(item.flight, []).append(hypothesis.normal(item))
+        if i != held:
+            by_flight.setdefault(item.flight, []).append(hypothesis.normal(item))
     for flight, parts in by_flight.items():
         a, b = (np.sum([part[i] for part in parts], axis=0) for i in range(2))
-        if test is None and flight == unit.flight:
+        if held is not None and flight == unit.flight:
             precision += a
             pull += b
             continue
@@ -98,16 +135,7 @@ def predict(hypothesis: Hypothesis, units: Sequence[Unit], held: int, test: Hypo
         solved = np.linalg.solve(inner, np.column_stack([a[k:, :k], b[k:]]))
         precision[:k, :k] += a[:k, :k] - a[:k, k:] @ solved[:, :k]
         pull[:k] += b[:k] - a[:k, k:] @ solved[:, k]
-    mean = np.linalg.solve(precision, pull)
-    x, r = other.design(unit)
-    error = r - x @ mean
-    after = precision + x.T @ x
-    back = x.T @ error
-    likelihood = -0.5 * (_log_det(after) - _log_det(precision) + error @ error - back @ np.linalg.solve(after, back))
-    follows = [i for i in range(k + own) if i >= k or list(other.std)[i] not in hypothesis.held]
-    free = x[:, follows]
-    moved = np.linalg.solve(precision[np.ix_(follows, follows)] + free.T @ free, free.T @ error)
-    return Held(float(likelihood), error - free @ moved)
+    return np.linalg.solve(precision, pull), precision
 
 
 def fitted(hypothesis: Hypothesis, unit: Unit) -> Floats:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from identification.bench import Bench
 from identification.diagnosis import Diagnosis
-from identification.folds import Held, Hypothesis, Unit, fifths, fitted, predict, whole
+from identification.folds import Hypothesis, Unit, fifths, fitted, predict, whole, without
 from identification.refit import Refit
 from identification.search import Names
 from identification.stack import Rows
@@ -109,34 +109,60 @@ def of_each(diagnosis: Diagnosis, together: Gain, heldout: Bench | None = None) 
 
 
 def compare(diagnosis: Diagnosis, before: Names, after: Names, heldout: Bench | None, seed: int) -> Gain:
-    """One set of causes against another."""
+    """One set of causes, `before`, against a larger one.
+
+    The residual before is that of the larger set with what it has more put at rest: its other numbers are as good as
+    they can be. The likelihood before is that of the smaller set by itself.
+    """
     bench, search = diagnosis.bench, diagnosis.search
     old, new = search.fit(before), search.fit(after)
-    first = _hypothesis(bench, old, bench, before)
-    same = old is new
-    second = first if same else _hypothesis(bench, new, bench, after)
-    all_names = [cause.name for cause in bench.causes]
-    every = Hypothesis(second.flights, _free(bench, all_names), second.shift, _own(bench, all_names))
+    judged = heldout if heldout is not None else bench
+    first, second = (_hypothesis(bench, fit, bench, names) for fit, names in ((old, before), (new, after)))
+    every = _everything(bench, second)
     tests: list[Hypothesis | None] = [None, None, None]
     if heldout is not None:
-        one = _hypothesis(heldout, old, bench, before)
-        two = one if same else _hypothesis(heldout, new, bench, after)
-        tests = [one, two, Hypothesis(two.flights, every.std, second.shift, every.held)]
+        one, two = (_hypothesis(heldout, fit, bench, names) for fit, names in ((old, before), (new, after)))
+        tests = [one, two, _everything(bench, two)]
+    rest = {key: value for key, value in new.at.items() if key not in _own(bench, after) - _own(bench, before)}
+    target = tests[1] if tests[1] is not None else second
+    at_rest = Hypothesis(
+        [judged.rows(i, rest) for i in range(len(judged.names))], target.std,
+        {key: value - bench.nominal[key] for key, value in rest.items()},
+    ) if before != after else target  # fmt: skip
     how, units = _units(first.flights, heldout, bench)
-    judged = heldout if heldout is not None else bench
-    count = len(units) if heldout is None else len(heldout.names)
-    held = [[predict(h, units, i, t) for i in range(count)] for h, t in zip((first, second, every), tests, strict=True)]
-    target = tests[2] if tests[2] is not None else every
     held_units = units if heldout is None else whole(target.flights)
-    floors = [fitted(target, unit) for unit in held_units]
-    residuals = _residuals(judged, target.flights, held_units, held, floors)
+    count = range(len(held_units))
+    held = [
+        [predict(h, units, i, t, h is every) for i in count] for h, t in zip((first, second, every), tests, strict=True)
+    ]
+    kept = _own(bench, before)
+    lefts = [
+        without(at_rest, unit, item.nuisances | _as_found(second, kept)) if before != after
+        else item.residual
+        for unit, item in zip(held_units, held[1], strict=True)
+    ]  # fmt: skip
+    floors = [fitted(tests[2] if tests[2] is not None else every, unit) for unit in held_units]
+    models = [lefts, [h.residual for h in held[1]], [h.residual for h in held[2]], floors]
+    residuals = _residuals(judged, target.flights, held_units, models)
     channels, draws = _channels(judged, residuals, np.random.default_rng(seed))
     total = [sum(item.log_likelihood for item in one) for one in held]
+    gained = total[1] - total[0] if before != after else 0.0
     return Gain(
-        how=how, judged=judged, channels=channels, log_likelihood=total[1] - total[0],
-        log_likelihood_ci95=_ci(draws + (total[1] - total[0] - float(np.mean(draws)))),
+        how=how, judged=judged, channels=channels, log_likelihood=gained,
+        log_likelihood_ci95=_about(gained, draws),
         over_everything=total[1] - total[2], residuals=residuals,
     )  # fmt: skip
+
+
+def _as_found(hypothesis: Hypothesis, keys: frozenset[str]) -> dict[str, float]:
+    """Causes that both sets have, at the values of the fit to everything, in standard deviations of their priors."""
+    return {key: hypothesis.shift.get(key, 0.0) / hypothesis.std[key] for key in keys}
+
+
+def _everything(bench: Bench, about: Hypothesis) -> Hypothesis:
+    """Every parameter of every cause free."""
+    names = [cause.name for cause in bench.causes]
+    return Hypothesis(about.flights, _free(bench, names), about.shift, _own(bench, names))
 
 
 def _free(bench: Bench, names: Sequence[str]) -> dict[str, float]:
@@ -166,20 +192,16 @@ def _units(flights: Sequence[Rows], heldout: Bench | None, bench: Bench) -> tupl
 
 
 def _residuals(
-    bench: Bench,
-    flights: Sequence[Rows],
-    units: Sequence[Unit],
-    held: Sequence[Sequence[Held]],
-    floors: Sequence[Floats],
+    bench: Bench, flights: Sequence[Rows], units: Sequence[Unit], models: Sequence[Sequence[Floats]]
 ) -> list[Residuals]:
-    """What each model leaves, put back in order flight by flight."""
+    """What each of four models leaves of each unit, put back in order flight by flight."""
     found = []
     for i, name in enumerate(bench.names):
         rows = flights[i]
         columns = np.zeros((4, len(rows.residual)))
         for u, unit in enumerate(units):
             if unit.flight == i:
-                columns[:, unit.rows] = [held[0][u].residual, held[1][u].residual, held[2][u].residual, floors[u]]
+                columns[:, unit.rows] = [model[u] for model in models]
         used = rows.residual != 0.0  # neither left out nor before the filters had settled
         found.append(Residuals(name, rows.channel[used], rows.t[used], *columns[:, used]))
     return found
@@ -226,3 +248,9 @@ def _channels(
 def _ci(draws: Floats) -> tuple[float, float]:
     low, high = np.percentile(draws, LEVEL)
     return float(low), float(high)
+
+
+def _about(gained: float, draws: Floats) -> tuple[float, float]:
+    """The scatter of the resampled sum about the exact gain: in proportion, as tolerances take their share of each."""
+    mean = float(np.mean(draws))
+    return _ci(draws * (gained / mean)) if mean > 0.0 and gained > 0.0 else _ci(draws - mean + gained)

@@ -1,0 +1,122 @@
+"""Held-out prediction against the same computed the long way, and what the gain says of right and wrong causes."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from identification.folds import Hypothesis, Unit, fifths, predict, whole
+from identification.gain import compare, measure, of_each
+from identification.stack import Rows
+
+
+def flights(rng: np.random.Generator, count: int, rows: int = 40) -> list[Rows]:
+    return [
+        Rows(
+            rng.standard_normal(rows) * 2.0, {"a": rng.standard_normal(rows), "b": rng.standard_normal(rows)},
+            rng.standard_normal((rows, 2)), np.array([0.5, 2.0]), np.zeros(rows, np.int64), np.arange(rows) * 0.1,
+        )
+        for _ in range(count)
+    ]  # fmt: skip
+
+
+def the_long_way(
+    all_rows: list[Rows], units: list[Unit], held: int, std: dict[str, float], shift: dict[str, float]
+) -> float:
+    """log p(held | others) as a ratio of two plain Gaussians over everything."""
+
+    def log_p(chosen: list[int]) -> float:
+        residual, columns = [], []
+        for i in chosen:
+            rows, pick = all_rows[units[i].flight], units[i].rows
+            r = rows.residual[pick] + sum(rows.signatures[k][pick] * shift.get(k, 0.0) for k in std)
+            own = np.zeros((pick.sum(), 2 * len(all_rows)))
+            own[:, 2 * units[i].flight : 2 * units[i].flight + 2] = rows.local[pick] * rows.local_std
+            columns.append(np.hstack([np.column_stack([rows.signatures[k][pick] * s for k, s in std.items()]), own]))
+            residual.append(r)
+        x, r = np.vstack(columns), np.concatenate(residual)
+        density = multivariate_normal.logpdf(r, np.zeros(len(r)), np.eye(len(r)) + x @ x.T)
+        return float(density) + 0.5 * len(r) * np.log(2.0 * np.pi)
+
+    return log_p(list(range(len(units)))) - log_p([i for i in range(len(units)) if i != held])
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_held_out_likelihood_is_the_ratio_of_two_gaussians(single: bool) -> None:
+    rng = np.random.default_rng(3)
+    rows = flights(rng, 1 if single else 3)
+    units = fifths(rows[0]) if single else whole(rows)
+    std, shift = {"a": 1.5, "b": 0.2}, {"a": 0.4, "b": -0.1}
+    hypothesis = Hypothesis(rows, std, shift)
+    for held in range(len(units)):
+        found = predict(hypothesis, units, held, whole_fit=True).log_likelihood
+        assert found == pytest.approx(the_long_way(rows, units, held, std, shift), abs=1e-9)
+
+
+def test_other_flights_are_predicted_from_all_that_were_fitted() -> None:
+    rng = np.random.default_rng(4)
+    rows = flights(rng, 3)
+    std = {"a": 1.0, "b": 1.0}
+    test = Hypothesis(rows[2:], std, {})
+    apart = predict(Hypothesis(rows[:2], std, {}), whole(rows[:2]), 0, test, whole_fit=True)
+    assert apart.log_likelihood == pytest.approx(the_long_way(rows, whole(rows), 2, std, {}), abs=1e-9)
+    with pytest.raises(ValueError, match="same free numbers"):
+        predict(Hypothesis(rows[:2], std, {}), whole(rows[:2]), 0, Hypothesis(rows[2:], {"a": 1.0}, {}))
+
+
+def test_what_is_no_cause_is_not_trained() -> None:
+    rows = flights(np.random.default_rng(8), 3)
+    std = {"a": 1.5, "b": 0.2}
+    alone = Hypothesis([rows[1]], std, {})
+    untrained = predict(Hypothesis(rows, std, {}), whole(rows), 1).log_likelihood
+    x, r = alone.design(whole([rows[1]])[0])
+    density = multivariate_normal.logpdf(r, np.zeros(len(r)), np.eye(len(r)) + x @ x.T)
+    assert untrained == pytest.approx(float(density) + 0.5 * len(r) * np.log(2.0 * np.pi), abs=1e-9)
+    one = predict(Hypothesis(rows, std, {}, frozenset({"a"})), whole(rows), 1)
+    assert set(one.nuisances) == {"b"}
+    assert one.log_likelihood != untrained
+
+
+def test_a_right_cause_gains_in_its_channel_on_what_was_not_fitted(diagnosed: Any) -> None:
+    diagnosis = diagnosed({"terms.ground_effect.gain": 2.5})
+    assert diagnosis.causes == ("ground_effect",)
+    gain = measure(diagnosis)
+    best = gain.best()
+    assert best is not None
+    assert gain.holds
+    assert best.channel == "force_z"
+    assert best.unit == "m/s^2"
+    assert best.share_of_explainable > 0.9
+    assert best.ratio_ci95[1] < 1.0
+    assert best.after == pytest.approx(0.05, rel=0.1)  # noise alone is left
+    assert gain.log_likelihood > 50.0
+    assert of_each(diagnosis, gain)["ground_effect"].channel == "force_z"
+
+
+def test_one_flight_is_judged_by_fifths_and_other_flights_by_themselves(diagnosed: Any) -> None:
+    one = diagnosed({"terms.ground_effect.gain": 3.0}, flights=1)
+    assert "fifth" in measure(one).how
+    others = diagnosed({"terms.ground_effect.gain": 3.0}, flights=2, seed=9).bench
+    apart = measure(one, others)
+    assert "other flight" in apart.how
+    assert [item.flight for item in apart.residuals] == others.names
+    assert apart.holds
+
+
+def test_a_wrong_cause_does_not_gain(diagnosed: Any) -> None:
+    """Planted: on flights where nothing is wrong a drift is asserted all the same."""
+    diagnosis = diagnosed({})
+    assert diagnosis.causes == ()
+    planted = replace(diagnosis, causes=("baro_drift",))
+    gain = compare(planted, (), planted.causes, None, 0)
+    assert gain.log_likelihood < 3.0
+    assert not gain.holds or gain.log_likelihood < 1.0
+    assert all(abs(c.before - c.after) < 0.02 * c.before for c in gain.channels)
+
+
+def test_nothing_asserted_gains_nothing(diagnosed: Any) -> None:
+    gain = measure(diagnosed({}))
+    assert gain.log_likelihood == 0.0
+    assert all(c.before == c.after for c in gain.channels)
