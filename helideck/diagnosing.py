@@ -19,6 +19,7 @@ from identification.helicopter import HelicopterBench
 from identification.logs import Flights, read
 from identification.report import Findings
 from identification.report.drivers import visited
+from identification.told import told
 from identification.verdict import NotTestable, Verdict
 from sim import kinds
 from sim.vehicle import Vehicle
@@ -135,6 +136,7 @@ def diagnose(
     if verdict.baseline.certified:
         progress(4.5, STEPS, "recording")
         record(found, measured, folder / "replay.rrd")
+    verdict = told(verdict, found.search.causes)
     return Answer(verdict, flights, others, flown, found, measured, made, folder, flights_flown)
 
 

@@ -97,6 +97,7 @@ class Competition:
         solved = cho_solve(factor, b)
         gain = 0.5 * float(b @ solved)
         evidence = gain - float(np.log(np.diag(factor[0])).sum())
+        evidence -= sum(float(np.log(self.causes[name].alike)) for name in names)
         covariance = d[:, None] * cho_solve(factor, np.diag(d))
         mean = d * solved
         base = 0.0 if not names else self.null.log_evidence

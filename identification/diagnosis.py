@@ -14,6 +14,7 @@ from identification.classes import confusable, rivals, shares
 from identification.null import THRESHOLD
 from identification.regions import lost
 from identification.search import Names, Search
+from identification.told import told
 from identification.verdict import (
     Asserted,
     BaselineReport,
@@ -59,7 +60,8 @@ def diagnose(logs: Logs, vehicle: Vehicle, *, threshold: float = THRESHOLD) -> V
 
     logs: measured tables by flight and topic. Raises UserError for a log that cannot carry a diagnosis.
     """
-    return examine(logs, vehicle, threshold=threshold).verdict
+    found = examine(logs, vehicle, threshold=threshold)
+    return told(found.verdict, found.search.causes)
 
 
 def examine(logs: Logs, vehicle: Vehicle, *, threshold: float = THRESHOLD) -> Diagnosis:

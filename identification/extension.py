@@ -21,7 +21,7 @@ from tomlkit.items import InlineTable
 import assets
 from flightlog.units import to_si
 from identification.model import NEUTRAL
-from sim import sensors, terms, vehicle
+from sim import kinds, sensors, terms
 from sim.parameters import Parameter
 from sim.vehicle import Vehicle
 
@@ -66,10 +66,10 @@ def extended(before: Vehicle, delta: Delta, logs: Mapping[str, str], folder: Pat
     return tomlkit.dumps(document)
 
 
-def write(before: Vehicle, delta: Delta, logs: Mapping[str, str], path: Path) -> Vehicle:
+def write(before: Vehicle, delta: Delta, logs: Mapping[str, str], path: Path) -> kinds.AnyVehicle:
     """Write the extended file and load it again; UserError where what was found makes no vehicle."""
     path.write_text(extended(before, delta, logs, path.parent), encoding="utf-8")
-    return vehicle.load(path)
+    return kinds.load(path)
 
 
 def digest(path: Path) -> str:
@@ -98,7 +98,8 @@ def _put(document: Any, key: str, value: float, std: float, unit: str, source: s
     """Set one number; `source` has a place for what it was."""
     *way, name = key.split(".")
     node: Any = document
-    if way[:1] == ["terms"] and len(way) == 2 and way[1] not in document["terms"]:
+    own = document["kind"] == "helicopter"  # whose terms want all their numbers; those of other kinds may be left out
+    if own and way[:1] == ["terms"] and len(way) == 2 and way[1] not in document["terms"]:
         _add_term(document, way[1], source)
     for part in way:
         if isinstance(node, list):

@@ -118,7 +118,7 @@ def refit(
         causes=tuple(c.name for c in causes),
         values={key: reached[key] for key in own},
         std={key: solved.std[key] for key in own},
-        log_evidence=solved.log_evidence,
+        log_evidence=solved.log_evidence - sum(float(np.log(cause.alike)) for cause in causes),
         cost=solved.cost,
         covariance=solved.covariance[np.ix_(chosen, chosen)],
         at=where,

@@ -6,6 +6,7 @@ exchanged and dropped where that loses nothing, and it stops where nothing gains
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 
 from identification.bench import Bench
 from identification.causes.contract import Cause
@@ -16,6 +17,7 @@ from identification.refit import Refit, refit
 REFITTED = 4  # of the best of a screening
 WORTH = -2.0  # [nats] of linear evidence below which a cause is not refitted
 MOST = 3  # causes in a set
+FEW = 14  # causes, up to which every set of them is looked at
 
 Names = tuple[str, ...]
 
@@ -70,6 +72,8 @@ class Search:
 
     def run(self) -> Names:
         """The set of causes that is asserted, none of which loses less than the threshold when left out."""
+        if len(self.causes) <= FEW and getattr(self.bench, "every_set", False):
+            return self._prune(self._choose())
         best: Names = ()
         while len(best) < MOST:
             grown = self._grow(best)
@@ -77,6 +81,19 @@ class Search:
                 break
             best = self._prune(grown)
         return best
+
+    def _choose(self) -> Names:
+        """The best of all sets, where there are few: the linear best of each size are refitted."""
+        competition = self.competition()
+        tried: list[Names] = [()]
+        for size in range(1, MOST + 1):
+            scores = [competition.score(*names) for names in combinations(sorted(self.causes), size)]
+            scores.sort(key=lambda score: -score.log_evidence)
+            for score in scores[:REFITTED]:
+                moved = {k: self.bench.bounded(k, self.bench.nominal[k] + step) for k, step in score.mean.items()}
+                self.fit(score.causes, moved)
+                tried.append(tuple(sorted(score.causes)))
+        return max(tried, key=lambda names: self.gain(names) - self.threshold * len(names))
 
     def _grow(self, names: Names) -> Names | None:
         tried: list[Names] = []
@@ -96,7 +113,7 @@ class Search:
 
     def _prune(self, names: Names) -> Names:
         """Leave out what is not needed any more."""
-        while len(names) > 1:
+        while names:
             smaller = max((tuple(n for n in names if n != name) for name in names), key=self.gain)
             if self.gain(names) > self.gain(smaller) + self.threshold:
                 break

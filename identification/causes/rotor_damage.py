@@ -5,8 +5,8 @@ from identification.causes.contract import Cause, Parameter
 SPREAD = 0.3  # of the share: chipped tips cost a few hundredths, a broken blade a half
 
 
-def of(rotor: int) -> Cause:
-    """The cause for one rotor, counted from 1 as in m1..mN."""
+def of(rotor: int, rotors: int = 4) -> Cause:
+    """The cause for one rotor of so many, counted from 1 as in m1..mN."""
     return Cause(
         name=f"rotor_damage#{rotor}",
         where="plant",
@@ -14,6 +14,7 @@ def of(rotor: int) -> Cause:
         about="thrust and torque of one rotor over those of a sound one",
         kinds=("multirotor",),
         fixed={"rotor": rotor},
+        alike=rotors,
         split_by={
             "mass": "the same hover with the two propellers of that diagonal exchanged: damage goes with the "
             "propeller, a weight stays",

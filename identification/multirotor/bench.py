@@ -12,22 +12,30 @@ from identification.causes.contract import Cause
 from identification.multirotor import noise as nz
 from identification.multirotor.causes import testable
 from identification.multirotor.flight import CHANNELS, UNITS, Flight, has_imu, prepare
-from identification.stack import Rows
+from identification.stack import Rows, stack
 from sim.multirotor.file import Multirotor
 
 Floats = NDArray[np.float64]
 
 ROUNDS = 4  # of the noise fit
+BELIEF = 4  # flights that the declared repeatability counts for
+FITS = 3  # rounds of the fit to normal flights
+WIDE = 1.0  # of a cause's spread, for what such a fit may move
+SURE = 0.02  # of a prior, where none is declared, is how well a balance repeats
 BIAS = 0.05  # [m/s^2] of an inertial sensor's force
 STEP = 0.2  # of a prior, for a derivative
 REPEATED = {"thrust": ("terms.thrust.scale",), "cg": ("terms.cg_offset.x", "terms.cg_offset.y"),
             "yaw": ("terms.yaw_trim.arm",)}  # fmt: skip
+ALSO = ("terms.yaw_trim.per_volt",)  # what else normal flights tell
+REFERENCE = "terms.battery_sag.reference"
 MOVING = "inertia", "terms.motor"  # what a balance does not show
 WHITE = 0.25  # largest correlation of neighbours among what is left of a channel
 
 
 class MultirotorBench:
     """Flights of one multirotor."""
+
+    every_set = True  # few causes, quickly fitted: the search looks at all sets of them
 
     def __init__(
         self, logs: Mapping[str, Mapping[str, Table]], vehicle: Multirotor, like: "MultirotorBench | None" = None
@@ -56,9 +64,10 @@ class MultirotorBench:
         self.spreads: Mapping[str, float] = {
             key: max(p.spread, 3.0 * self.tolerances.get(key, 0.0)) for key, p in own.items()
         }
-        keys = sorted({*own, *self.tolerances})
+        anchors = (key for keys in REPEATED.values() for key in keys)
+        keys = sorted({*own, *self.tolerances, *anchors})
         self.nominal: Mapping[str, float] = {key: numbers[key].value for key in keys}
-        self.units: Mapping[str, str] = {key: numbers[key].unit for key in keys}
+        self.units: Mapping[str, str] = {key: number.unit for key, number in numbers.items()}
         self._slopes: list[dict[str, list[Floats]]] = [{} for _ in self.flights]
         self._noise: Mapping[int, nz.Autoregression]
         self._noise = like._noise if like is not None else self._fit_noise()
@@ -70,9 +79,7 @@ class MultirotorBench:
         item, slopes = self.flights[flight], self._slopes[flight]
 
         def white(parts: Sequence[Floats]) -> Floats:
-            return np.concatenate(
-                [self._noise[s.channel].whiten(part, item.spans) for s, part in zip(item.seen, parts, strict=True)]
-            )
+            return self._whiten(item, parts)
 
         local, std = self._local(flight)
         count = len(item.t)
@@ -90,6 +97,60 @@ class MultirotorBench:
         number = self.vehicle.numbers[key]
         return min(max(value, number.low), number.high)
 
+    def nominal_fit(self) -> tuple[list[str], list[float], Floats]:
+        """What normal flights tell of this airframe: keys, values, covariance.
+
+        A balance does not tell mass from thrust or one rotor's torque from another's: those stay as they stand and are
+        taken as known, and the balance itself is fitted. The reference of the battery's voltage goes where these
+        flights were, so that sag changes nothing there; how well the balance repeats is taken from their scatter.
+        """
+        keys = [key for keys in REPEATED.values() for key in keys]
+        keys += [key for key in ALSO if self.tolerances.get(key, 0.0) > 0.0]
+        wide = {key: max(self.tolerances.get(key, 0.0), WIDE * self.spreads.get(key, 0.0)) for key in keys}
+        wide = {key: std if std > 0.0 else self._repeated(key) / SURE for key, std in wide.items()}
+        at = {key: self.nominal.get(key, self.vehicle.numbers[key].value) for key in keys}
+        spread = np.zeros((len(keys), len(keys)))
+        volts = np.concatenate([flight.voltage for flight in self.flights])
+        there = {REFERENCE: float(volts.mean())} if np.isfinite(volts).all() else {}
+        for _ in range(FITS):
+            s = stack([self.rows(i, at | there, keys) for i in range(len(self.flights))], keys)
+            scale = np.array([wide[key] for key in keys])
+            inner = np.eye(len(keys)) + scale[:, None] * s.information * scale
+            step = scale * np.linalg.solve(inner, scale * s.score)
+            at = {key: self.bounded(key, at[key] + d) for key, d in zip(keys, step, strict=True)}
+            spread = scale[:, None] * np.linalg.inv(inner) * scale
+        fitted = dict(at) | self._scatter(at | there)
+        known = {key: self.vehicle.numbers[key].value for key in self.tolerances if key not in fitted}
+        values = fitted | known | there
+        spread += np.diag([self._repeated(key) ** 2 for key in keys])  # the next session is another one
+        covariance = np.zeros((len(values), len(values)))
+        covariance[: len(keys), : len(keys)] = spread
+        return list(values), list(values.values()), covariance
+
+    def _repeated(self, key: str) -> float:
+        """How well the number behind a key repeats from flight to flight."""
+        name = next((name for name, keys in REPEATED.items() if key in keys), None)
+        return 0.0 if name is None else self.vehicle.numbers[f"terms.repeatability.{name}"].value
+
+    def _scatter(self, at: Mapping[str, float]) -> dict[str, float]:
+        """Repeatability of the balance of moments, what the file declares counting as much as BELIEF flights.
+
+        That of thrust stays as declared: between flights it changes with the battery's voltage as well.
+        """
+        found = {}
+        rows = [self.rows(i, at) for i in range(len(self.flights))]
+        for name in ("cg", "yaw"):
+            declared = self.vehicle.numbers[f"terms.repeatability.{name}"].value
+            square, count = BELIEF * declared**2, float(BELIEF)
+            for key in REPEATED[name]:
+                own = [item.signatures[key] for item in rows]
+                each = [s @ item.residual / max(float(s @ s), 1e-12) for s, item in zip(own, rows, strict=True)]
+                noise = float(np.mean([1.0 / max(float(s @ s), 1e-12) for s in own]))
+                square += max(float(np.sum((each - np.mean(each)) ** 2)) - (len(each) - 1) * noise, 0.0)
+                count += len(each) - 1
+            found[f"terms.repeatability.{name}"] = float(np.sqrt(square / count))
+        return found
+
     def drivers(self, flight: int) -> dict[str, tuple[str, Floats, Floats]]:
         """What a residual may depend on: label, times and values by name."""
         item = self.flights[flight]
@@ -99,6 +160,11 @@ class MultirotorBench:
         }  # fmt: skip
         return {name: (label, item.t, v) for name, (label, v) in found.items() if np.isfinite(v).all()}
 
+    def _whiten(self, item: Flight, parts: Sequence[Floats]) -> Floats:
+        """Channels (K,) one behind the other as whitened rows (R,)."""
+        pairs = zip(item.seen, parts, strict=True)
+        return np.concatenate([self._noise[s.channel].whiten(part, item.spans) for s, part in pairs])
+
     def _residual(self, flight: int, changes: Mapping[str, float]) -> list[Floats]:
         """Measured less expected, a channel each (K,)."""
         item = self.flights[flight]
@@ -107,8 +173,7 @@ class MultirotorBench:
 
     def _linearise(self, flight: int, changes: Mapping[str, float], fresh: Collection[str]) -> None:
         known = self._slopes[flight]
-        also = ("terms.thrust.scale", "terms.cg_offset.x", "terms.cg_offset.y", "terms.yaw_trim.arm")
-        wanted = [key for key in dict.fromkeys((*self.nominal, *also)) if key in fresh or key not in known]
+        wanted = [key for key in self.nominal if key in fresh or key not in known]
         if not wanted:
             return
         item, values = self.flights[flight], self.vehicle.values(changes)

@@ -57,7 +57,7 @@ def catalogue(craft: Multirotor) -> list[Cause]:
             split_by={"mass": "a scale: nothing in flight tells mass from thrust where no force is measured alone"},
         ),
         replace(sag, parameters=(replace(sag.parameters[0], spread=battery_sag.SHARE / volts),)),
-        *(rotor_damage.of(i + 1) for i in range(craft.rotors)),
+        *(rotor_damage.of(i + 1, craft.rotors) for i in range(craft.rotors)),
         Cause(
             name="actuator_lag",
             where="plant",

@@ -42,7 +42,10 @@ TERMS: Mapping[str, tuple[Parameter, ...]] = {
         Parameter("x", "m", -1.0, 1.0, "by how far what was added moves the centre of mass forward", 0.0),
         Parameter("y", "m", -1.0, 1.0, "the same to the left", 0.0),
     ),
-    "yaw_trim": (Parameter("arm", "m", -1.0, 1.0, "torque to the left over thrust, of rotors that stand askew", 0.0),),
+    "yaw_trim": (
+        Parameter("arm", "m", -1.0, 1.0, "torque to the left over thrust, of rotors that stand askew", 0.0),
+        Parameter("per_volt", "m/V", -10.0, 10.0, "by how much that changes with the battery's voltage", 0.0),
+    ),
     "thrust": (Parameter("scale", "1", 0.05, 20.0, "thrust of all rotors over that of the file", 1.0),),
     # by how much one flight of the same machine differs from the next: battery seated anew, wear, warmth
     "repeatability": (

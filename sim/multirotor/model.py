@@ -64,10 +64,12 @@ def answer(craft: Multirotor, numbers: Mapping[str, float], inputs: Inputs) -> F
     x, y = craft.positions[:, 0], craft.positions[:, 1]
     torque = np.array([numbers[f"rotors.{i}.torque"] for i in range(craft.rotors)])
     centre = [numbers[f"terms.cg_offset.{axis}"] + numbers[f"terms.payload.{axis}"] for axis in "xy"]
+    low = np.nan_to_num(inputs.voltage - numbers["terms.battery_sag.reference"])
+    askew = numbers["terms.yaw_trim.arm"] + numbers["terms.yaw_trim.per_volt"] * low
     moment = np.column_stack([
         thrust @ y - centre[1] * total,
         -(thrust @ x - centre[0] * total),
-        -thrust @ (craft.spins * torque) + numbers["terms.yaw_trim.arm"] * total,
+        -thrust @ (craft.spins * torque) + askew * total,
     ])  # fmt: skip
     inertia = np.array([numbers[f"inertia.{axis}"] for axis in range(3)])
     return np.hstack([force / numbers["mass"], moment / inertia])
