@@ -42,6 +42,7 @@ FRICTION = RigTerm("joint_friction", "joint", (
 ), "friction of a joint: viscous, dry, and what more it takes to break loose (Stribeck)")  # fmt: skip
 STIFFNESS = RigTerm("joint_stiffness", "joint", (
     Parameter("stiffness", "N m/rad", 0.0, 1e4, "torque per angle", 0.0),
+    Parameter("cubic", "N m/rad^3", 0.0, 1e4, "torque per cube of the angle: a cable that stiffens", 0.0),
     Parameter("centre", "rad", -1e3, 1e3, "angle at which it is slack", 0.0),
 ), "a spring, or a cable that is twisted, across a joint")  # fmt: skip
 LAG = RigTerm("actuator_lag", "input", (

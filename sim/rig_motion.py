@@ -112,10 +112,12 @@ class Moving:
         for i, joint in enumerate(self.rig.joints):
             model.dof_damping[i] += self.values[f"terms.joint_friction.{joint}.viscous"]
             model.dof_frictionloss[i] += self.values[f"terms.joint_friction.{joint}.coulomb"]
-            stiffness = self.values[f"terms.joint_stiffness.{joint}.stiffness"]
-            if stiffness > 0.0:
-                model.jnt_stiffness[i] = stiffness
-                model.qpos_spring[i] = self.values[f"terms.joint_stiffness.{joint}.centre"]
+            stiffness, cubic, centre = (
+                self.values[f"terms.joint_stiffness.{joint}.{name}"] for name in ("stiffness", "cubic", "centre")
+            )
+            if stiffness > 0.0 or cubic > 0.0:
+                model.jnt_stiffness[i], model.jnt_stiffnesspoly[i, 1] = stiffness, cubic
+                model.qpos_spring[i] = centre
         mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
 

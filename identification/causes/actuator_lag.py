@@ -9,3 +9,16 @@ CAUSE = Cause(
     about="time constant of the servos",
     split_by={"actuator_delay": "doublets of half a second on every control: a lag rounds them, a delay shifts them"},
 )
+
+
+def of_input(name: str, number: int, inputs: int) -> Cause:
+    """The same for one input of a rig, the `number`-th of so many."""
+    return Cause(
+        name=f"actuator_lag#{name}",
+        where="plant",
+        parameters=(Parameter("tau", "s", f"terms.actuator_lag.{name}.tau", 0.3),),
+        about=f"time constant of the input {name}",
+        kinds=("rig",),
+        fixed={"input": number},
+        alike=inputs,
+    )
