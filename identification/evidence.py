@@ -33,7 +33,7 @@ WINDS = ("wind.e", "wind.n")
 def testable(vehicle: Vehicle, topics: set[str]) -> tuple[list[Cause], dict[str, list[str]]]:
     """Causes that these topics can show on this kind of vehicle, and what the others lack."""
     kind = vehicle.document["kind"]
-    of_kind = [cause for cause in CATALOGUE.values() if kind in cause.kinds]
+    of_kind = [cause for cause in CATALOGUE.values() if kind in cause.kinds and not cause.counted]
     lacking = {cause.name: [topic for topic in cause.needs if topic not in topics] for cause in of_kind}
     return [cause for cause in of_kind if not lacking[cause.name]], {n: m for n, m in lacking.items() if m}
 

@@ -12,6 +12,7 @@ NAMES: tuple[str, ...] = (
     "actuator_deadband", "vortex_ring", "tail_rotor_force", "flapping_lag", "baro_drift", "baro_downwash", "baro_lag",
     "gps_bias", "gps_drift", "gps_latency", "camera_latency", "sonar_scale", "imu_bias", "imu_scale",
     "imu_misalignment", "mag_bias", "camera_focal", "camera_tilt",
+    "baro_glitch", "sonar_false_echo",
 )  # fmt: skip
 
 CATALOGUE: Mapping[str, Cause] = {name: import_module(f"{__name__}.{name}").CAUSE for name in NAMES}

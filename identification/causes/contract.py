@@ -63,3 +63,5 @@ class Cause:
     def title(self) -> str:
         """The name as it is told: that of the search without the number that tells several alike apart."""
         return self.name.partition("#")[0]
+
+    counted: bool = False  # events, with a likelihood of their own: no signature in the innovations

@@ -20,7 +20,7 @@ LATE = 2.0  # [s] by which a receiver's height may lag
 SLOW = 20.0  # [s] over which two heights may wander apart
 BURST = 1.0  # [s] within which jumps are one
 EVERYDAY = 0.5  # [m] Laplacian scale of a barometer's own short errors
-LEAST_JUMP = 3.0  # [m]
+LEAST_JUMP = 6.0  # of these
 WIDEST = 200.0  # [m]
 RARE = 0.02  # chance of a jump in a stretch of SLOW
 SUDDEN = 0.35  # [s] in which a jump rises
@@ -42,14 +42,17 @@ class Found:
     rows: NDArray[np.bool_]
 
 
-def glitches(baro: Series, others: list[Series]) -> Found:
-    """Jumps of a barometer's height that no other height makes."""
+def glitches(baro: Series, others: list[Series], *, everyday: float = EVERYDAY, late: float = LATE) -> Found:
+    """Jumps of a barometer's height that no other height makes.
+
+    everyday: scale [m] of its own short errors. late: [s] by which the others may lag.
+    """
     nothing = Found(0.0, 0, 0.0, float("nan"), 0.0, np.zeros(len(baro.t), bool))
-    outside = _outside(baro, others)
+    outside = _outside(baro, others, late)
     if not np.isfinite(outside).any():
         return nothing
-    scale = max(EVERYDAY, 1.5 * float(np.nanmedian(np.abs(outside))))
-    hot = np.flatnonzero(np.abs(np.nan_to_num(outside)) > LEAST_JUMP)
+    scale = max(everyday, 1.5 * float(np.nanmedian(np.abs(outside))))
+    hot = np.flatnonzero(np.abs(np.nan_to_num(outside)) > LEAST_JUMP * everyday)
     if not len(hot):
         return nothing
     groups = np.split(hot, np.flatnonzero(np.diff(baro.t[hot]) > BURST) + 1)
@@ -72,14 +75,14 @@ def glitches(baro: Series, others: list[Series]) -> Found:
     return Found(evidence, len(sizes), largest, begins[0], float(np.mean(rows)), rows)
 
 
-def _outside(baro: Series, others: list[Series]) -> Floats:
+def _outside(baro: Series, others: list[Series], late: float) -> Floats:
     """(N,) [m] by which the barometer is outside what the nearest of the others went through; its own median alone."""
     found = []
     for other in others:
         grid = np.arange(other.t[0], other.t[-1], GRID)
         level = other.at(grid)
         apart = _running_median(baro.at(grid) - level)
-        width = 2 * round(LATE / GRID) + 1
+        width = 2 * round(late / GRID) + 1
         low = minimum_filter1d(np.where(np.isnan(level), np.inf, level), width) + apart
         high = maximum_filter1d(np.where(np.isnan(level), -np.inf, level), width) + apart
         below = np.interp(baro.t, grid, np.where(np.isfinite(low), low, np.nan), left=np.nan, right=np.nan)
