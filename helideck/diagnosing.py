@@ -15,10 +15,10 @@ from helideck.estimation import find_mapping
 from identification import extension, gain, parity
 from identification.closed_loop import Landing
 from identification.diagnosis import Diagnosis, examine, open_bench
-from identification.helicopter import HelicopterBench
 from identification.logs import Flights, read
 from identification.report import Findings
 from identification.report.drivers import visited
+from identification.report.unforeseen import helicopter
 from identification.told import told
 from identification.verdict import NotTestable, Verdict
 from sim import kinds
@@ -124,7 +124,7 @@ def diagnose(
             verdict, channels=measured.errors(),
             causes=[replace(cause, gain=worth.get(cause.name)) for cause in verdict.causes],
         )  # fmt: skip
-        if verdict.causes:
+        if any(cause.name in found.causes for cause in verdict.causes):  # counts change nothing in the model
             progress(4, STEPS, "extending the vehicle")
             made = _extend(found, verdict, flights, folder)
             verdict = replace(verdict, extended_vehicle=str(made.path))
@@ -178,27 +178,28 @@ def _limited(verdict: Verdict, flights: Flights) -> Verdict:
 
 def record(found: Diagnosis, measured: gain.Gain | None, file: Path) -> None:
     """The most telling flight as measured and as the model has it, as helicopters in one recording."""
-    if not isinstance(found.bench, HelicopterBench):
+    bench = helicopter(found.bench)
+    if bench is None:
         return
     from flightlog.replay_pair import write_pair
     from identification.report import tracks
     from sim.shapes import vehicle_meshes
 
-    gained = [0.0] * len(found.bench.names)
+    gained = [0.0] * len(bench.names)
     if measured is not None and measured.judged is found.bench:
         gained = [float(np.sum(item.before**2 - item.after**2)) for item in measured.residuals]
     flight = int(np.argmax(gained))
-    before = tracks.simulated(found.bench, flight, found.search.null, "model as it was")
-    shown = [tracks.measured(found.bench, flight), before]
+    before = tracks.simulated(bench, flight, found.search.null, "model as it was")
+    shown = [tracks.measured(bench, flight), before]
     if found.causes:
-        shown.append(tracks.simulated(found.bench, flight, found.search.fit(found.causes), "extended model"))
-    meshes = vehicle_meshes(mujoco.MjModel.from_xml_path(str(found.bench.vehicle.model)))
-    write_pair(file, shown, meshes, None, f"diagnosis of {found.bench.names[flight]}")
+        shown.append(tracks.simulated(bench, flight, found.search.fit(found.causes), "extended model"))
+    meshes = vehicle_meshes(mujoco.MjModel.from_xml_path(str(bench.vehicle.model)))
+    write_pair(file, shown, meshes, None, f"diagnosis of {bench.names[flight]}")
 
 
 def _extend(found: Diagnosis, verdict: Verdict, flights: Flights, folder: Path) -> Vehicle:
     """Write extended.toml; the vehicle that it makes."""
-    names = tuple(sorted(cause.name for cause in verdict.causes))
+    names = tuple(sorted(cause.name for cause in verdict.causes if cause.name in found.causes))
     fit = found.search.fit(names)
     of = {p.key: name for name in names for p in found.search.causes[name].parameters}
     delta = extension.Delta(

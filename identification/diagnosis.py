@@ -11,6 +11,8 @@ from flightlog.errors import UserError
 from flightlog.tables import Table
 from identification.bench import Bench
 from identification.classes import confusable, rivals, shares
+from identification.counts import Counted, count
+from identification.helicopter import HelicopterBench
 from identification.null import THRESHOLD
 from identification.regions import lost
 from identification.search import Names, Search
@@ -76,6 +78,7 @@ def _examine(logs: Logs, vehicle: Vehicle, threshold: float) -> Diagnosis:
     best: Names = search.run() if bench.baseline.certified else ()
     causes = [_asserted(search, best, name) for name in best]
     causes = sorted((c for c in causes if c.probability > SURE), key=lambda c: -c.probability)
+    counted = _counted(logs, bench) if bench.baseline.certified else []
     verdict = Verdict(
         vehicle=vehicle.name,
         logs=list(bench.names),
@@ -86,12 +89,17 @@ def _examine(logs: Logs, vehicle: Vehicle, threshold: float) -> Diagnosis:
             bench.baseline.environment,
         ),
         channels=[],
-        causes=causes,
-        candidates=_candidates(search, best),
+        causes=[*causes, *(c.asserted() for c in counted if c.log_bayes_factor > threshold)],
+        candidates=[*_candidates(search, best), *(c.candidate() for c in counted)],
         unexplained=[],
         not_testable=[NotTestable(name, list(needs)) for name, needs in sorted(bench.not_testable.items())],
     )
     return Diagnosis(verdict, bench, search, best)
+
+
+def _counted(logs: Logs, bench: object) -> list[Counted]:
+    """Causes that are events; of a helicopter, whose motion is known."""
+    return count(logs, bench.flights, bench.vehicle) if isinstance(bench, HelicopterBench) else []
 
 
 def _asserted(search: Search, best: Names, name: str) -> Asserted:
