@@ -49,24 +49,31 @@ class Curve:
 
 def unforeseen(bench: Bench, flight: int, fit: Refit) -> Mapping[str, Unforeseen]:
     """By channel, at a refit's best values; empty for a bench that does not tell."""
-    if isinstance(bench, HelicopterBench):
-        item = bench.flights[flight]
+    flown = helicopter(bench)
+    if flown is not None:
+        item = flown.flights[flight]
         left = item.measured.copy()
         left[1:, 3:] = np.diff(item.measured[:, 3:], axis=0) / item.motion.step  # rates and rotor speed
-        left -= foreseen(bench, flight, fit)
+        left -= foreseen(flown, flight, fit)
         return {name: Unforeseen(UNITS[i], item.motion.t[1:], left[1:, i]) for i, name in enumerate(CHANNELS[:6])}
     own = getattr(bench, "unforeseen", None)  # {channel: (unit, t, values)}
-    return {} if own is None else {name: Unforeseen(*given) for name, given in own(flight, best(bench, fit)).items()}
+    given = {} if own is None else own(flight, best(bench.nominal, fit))
+    return {name: Unforeseen(*item) for name, item in given.items()}
 
 
-def best(bench: Bench, fit: Refit) -> dict[str, float]:
+def helicopter(bench: object) -> HelicopterBench | None:
+    """The bench, if it is one of a helicopter."""
+    return bench if isinstance(bench, HelicopterBench) else None
+
+
+def best(nominal: Mapping[str, float], fit: Refit) -> dict[str, float]:
     """A refit's best values, by key."""
-    return dict(fit.at) | {key: fit.at.get(key, bench.nominal[key]) + step for key, step in fit.step.items()}
+    return dict(fit.at) | {key: fit.at.get(key, nominal[key]) + step for key, step in fit.step.items()}
 
 
 def foreseen(bench: HelicopterBench, flight: int, fit: Refit) -> Floats:
     """(N, 7) what the inertial sensor and the tachometer should say: the model, the mean wind, the sensor's errors."""
-    sheet, values = bench.sheets[flight], best(bench, fit)
+    sheet, values = bench.sheets[flight], best(bench.nominal, fit)
     knobs = {key: value for key, value in values.items() if key in bench.model.knobs}
     errors = {key: value - bench.nominal[key] for key, value in values.items() if key not in knobs}
     rows = bench.rows(flight, fit.at)
