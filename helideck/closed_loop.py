@@ -8,25 +8,27 @@ from pydantic import ValidationError
 from flightlog.errors import UserError
 from identification.bench import Bench
 from identification.closed_loop import Landing, compare, measured
-from identification.helicopter import HelicopterBench
 from identification.logs import Flights
+from identification.report.unforeseen import helicopter
 from scenarios.flight import fly
 from scenarios.load import load
 from scenarios.schema import Scenario
 from sim.divergence import SimulationDiverged
+from sim.kinds import AnyVehicle
 from sim.vehicle import Vehicle
 
 SEED = 70_001  # the first; a log's own would draw the very gusts of the measured flight again
 
 
-def fly_both(bench: Bench, extended: Vehicle, flights: Flights, number: int) -> list[Landing]:
+def fly_both(bench: Bench, extended: AnyVehicle, flights: Flights, number: int) -> list[Landing]:
     """Landings as measured, and `number` of each model; the scenario is that of the first flight folder, or `landing`.
 
     Raises UserError for another kind of vehicle than a helicopter, which alone is flown.
     """
-    if not isinstance(bench, HelicopterBench):
+    flown = helicopter(bench)
+    if flown is None or not isinstance(extended, Vehicle):
         raise UserError(f"--fly: {bench.vehicle.name} is a {bench.vehicle.document['kind']}; helicopters are flown")
-    scenario, aboard = _scenario(flights), bench.vehicle
+    scenario, aboard = _scenario(flights), flown.vehicle
 
     def one(vehicle: Vehicle, seed: int) -> Landing:
         try:
@@ -37,7 +39,7 @@ def fly_both(bench: Bench, extended: Vehicle, flights: Flights, number: int) -> 
             "", "", summary.touchdown_offset_m, summary.touchdown_sink_m_s, summary.touchdown_drift_m_s
         )  # fmt: skip
 
-    return [*measured(bench), *compare(one, bench.vehicle, extended, range(SEED, SEED + number))]
+    return [*measured(flown), *compare(one, flown.vehicle, extended, range(SEED, SEED + number))]
 
 
 def _scenario(flights: Flights) -> Scenario:

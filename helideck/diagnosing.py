@@ -22,7 +22,6 @@ from identification.report.unforeseen import helicopter
 from identification.told import told
 from identification.verdict import NotTestable, Verdict
 from sim import kinds
-from sim.vehicle import Vehicle
 
 STEPS = 6
 Progress = Callable[[float, float, str], None]
@@ -35,10 +34,10 @@ class Answer:
     verdict: Verdict
     flights: Flights
     heldout: Flights | None
-    vehicle: Vehicle | None
+    vehicle: kinds.AnyVehicle | None
     diagnosis: Diagnosis | None  # None without a vehicle
     gain: gain.Gain | None
-    extended: Vehicle | None
+    extended: kinds.AnyVehicle | None
     folder: Path
     landings: Sequence[Landing] = ()
 
@@ -117,7 +116,7 @@ def diagnose(
     progress(3, STEPS, "measuring the gain")
     bench = open_bench(others.tables, flown, found.bench) if others is not None else None
     measured = gain.measure(found, bench) if verdict.baseline.certified else None
-    made = None
+    made: kinds.AnyVehicle | None = None
     if measured is not None:
         worth = gain.of_each(found, measured, bench) if verdict.causes else {}
         verdict = replace(
@@ -197,7 +196,7 @@ def record(found: Diagnosis, measured: gain.Gain | None, file: Path) -> None:
     write_pair(file, shown, meshes, None, f"diagnosis of {bench.names[flight]}")
 
 
-def _extend(found: Diagnosis, verdict: Verdict, flights: Flights, folder: Path) -> Vehicle:
+def _extend(found: Diagnosis, verdict: Verdict, flights: Flights, folder: Path) -> kinds.AnyVehicle:
     """Write extended.toml; the vehicle that it makes."""
     names = tuple(sorted(cause.name for cause in verdict.causes if cause.name in found.causes))
     fit = found.search.fit(names)

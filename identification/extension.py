@@ -178,10 +178,10 @@ def _inside(key: str, value: float) -> float:
 
 def _model(before: Vehicle, folder: Path) -> str:
     """How the MJCF is found from a folder: by its bare name where it comes with the project."""
-    given = str(before.document["model"])
-    if before.model.is_relative_to(assets.path("vehicles")):
+    given, beside = str(before.document["model"]), before.path.parent / str(before.document["model"])
+    if not beside.is_file() or beside.is_relative_to(assets.path("vehicles")):
         return given
-    return Path(os.path.relpath(before.model, folder)).as_posix()
+    return Path(os.path.relpath(beside, folder)).as_posix()
 
 
 def _provenance(before: Vehicle, delta: Delta, keys: Sequence[str], covariance: Floats, logs: Mapping[str, str]) -> Any:

@@ -135,7 +135,7 @@ def _trained(
         solved = np.linalg.solve(inner, np.column_stack([a[k:, :k], b[k:]]))
         precision[:k, :k] += a[:k, :k] - a[:k, k:] @ solved[:, :k]
         pull[:k] += b[:k] - a[:k, k:] @ solved[:, k]
-    return np.linalg.solve(precision, pull), precision
+    return np.asarray(np.linalg.solve(precision, pull), float), precision
 
 
 def fitted(hypothesis: Hypothesis, unit: Unit) -> Floats:

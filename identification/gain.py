@@ -137,7 +137,7 @@ def compare(diagnosis: Diagnosis, before: Names, after: Names, heldout: Bench | 
     ]
     kept = _own(bench, before)
     lefts = [
-        without(at_rest, unit, item.nuisances | _as_found(second, kept)) if before != after
+        without(at_rest, unit, dict(item.nuisances) | _as_found(second, kept)) if before != after
         else item.residual
         for unit, item in zip(held_units, held[1], strict=True)
     ]  # fmt: skip
@@ -229,13 +229,18 @@ def _channels(
         gains = 0.5 * (drawn[0] - drawn[1])
         total += gains
         scale, unit = bench.baseline.noise.get(about.name, (1.0, "std"))
-        rms = [scale * float(np.sqrt(np.mean(values[at] ** 2))) for values in (before, after, every, floor)]
+        was, now, all_of_it, least = (
+            scale * float(np.sqrt(np.mean(values[at] ** 2))) for values in (before, after, every, floor)
+        )
         ratio = np.sqrt(drawn[1] / np.maximum(drawn[0], 1e-300))
         found.append(
             ChannelGain(
                 about.name,
                 unit,
-                *rms,
+                was,
+                now,
+                all_of_it,
+                least,
                 _ci(ratio),
                 0.5 * float(sums[0].sum() - sums[1].sum()),
                 _ci(gains),

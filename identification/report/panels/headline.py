@@ -1,5 +1,7 @@
 """The one picture: where the model was wrong, and what is left of it."""
 
+from typing import Any
+
 from identification.report.bands import Course, courses
 from identification.report.drawing import AFTER, BAND, BEFORE, canvas, png
 from identification.report.findings import Findings
@@ -38,7 +40,7 @@ def telling(findings: Findings) -> list[Course]:
     return sorted(best.values(), key=weight, reverse=True)[:SHOWN]
 
 
-def curve(place, course: Course, both: bool) -> None:  # type: ignore[no-untyped-def]
+def curve(place: Any, course: Course, both: bool) -> None:
     """Band and means of one course."""
     place.fill_between(course.middles, -course.band, course.band, color=BAND, label="nothing wrong", zorder=0)
     place.plot(course.middles, course.before, "o-", ms=3, lw=1.2, color=BEFORE, label="model as it was")
