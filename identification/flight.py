@@ -30,6 +30,7 @@ LEAST_FACTOR = 0.4  # of the declared one
 PAD_TAU = 4.0  # [s] for which a front end's errors last: attitude that it was given, size of the mark
 PAD_FLOOR, ANGLE_FLOOR = 0.0005, 5e-4  # [m], [rad] that no front end is better than
 TACH_SPAN = 0.3  # [s] over which the tachometer is smoothed
+REACH_MARGIN = 2.0  # [m] that GPS and barometer may both be too high
 CHI2_MEDIAN = 0.4549  # median of chi-square with one degree of freedom
 
 
@@ -160,6 +161,18 @@ def _edges(t: Floats) -> Ints:
     return np.asarray(np.searchsorted(t, marks - 1e-6), np.int64)
 
 
+def _out_of_reach(tables: Mapping[str, Table], t: Floats, reach: float) -> NDArray[np.bool_]:
+    """(N,) where every other height is so far beyond a ranger's reach that an echo must be a false one."""
+    beyond = np.zeros(len(t), bool)
+    known = [(tables[topic], column) for topic, column in (("gps", "u"), ("baro", "altitude")) if topic in tables]
+    for i, (table, column) in enumerate(known):
+        good = np.isfinite(table[column])
+        if good.any():
+            far = np.interp(t, table["t"][good], table[column][good]) > reach + REACH_MARGIN
+            beyond = far if i == 0 else beyond & far
+    return beyond
+
+
 def _surface(tables: Mapping[str, Table]) -> tuple[float, float]:
     """Pressure [Pa] and temperature [K] at the ground, from what the barometer says; standard without one."""
     if "baro" not in tables or "pressure" not in tables["baro"]:
@@ -205,7 +218,8 @@ def _measurements(
         add(k.BARO, np.asarray(table["t"]) - n["lag"], np.asarray(table["altitude"], float), n["noise"])
     if "sonar" in tables and "sonar" in sensors:
         table, n = tables["sonar"], sensors["sonar"].numbers
-        value = np.where(np.asarray(table["valid"], float) > 0, table["range"], np.nan)
+        heard = (np.asarray(table["valid"], float) > 0) & ~_out_of_reach(tables, table["t"], n["greatest_range"])
+        value = np.where(heard, table["range"], np.nan)
         std = np.hypot(n["noise_share"] * value, n["resolution"] / math.sqrt(12.0))
         add(k.SONAR, np.asarray(table["t"]), value, std)
     if "mag" in tables and "mag" in sensors:
