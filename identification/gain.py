@@ -75,7 +75,7 @@ class Gain:
     channels: Sequence[ChannelGain]
     log_likelihood: float  # [nats] the causes over nothing
     log_likelihood_ci95: tuple[float, float]
-    over_everything: float  # [nats] the causes over the fit of all parameters
+    over_everything: float  # [nats] causes over all parameters, whatever may be off anyway trained by both
     residuals: Sequence[Residuals]
 
     @property
@@ -145,12 +145,13 @@ def compare(diagnosis: Diagnosis, before: Names, after: Names, heldout: Bench | 
     models = [lefts, [h.residual for h in held[1]], [h.residual for h in held[2]], floors]
     residuals = _residuals(judged, target.flights, held_units, models)
     channels, draws = _channels(judged, residuals, np.random.default_rng(seed))
+    trained = sum(predict(second, units, i, tests[1], True).log_likelihood for i in count)  # as `every` is
     total = [sum(item.log_likelihood for item in one) for one in held]
     gained = total[1] - total[0] if before != after else 0.0
     return Gain(
         how=how, judged=judged, channels=channels, log_likelihood=gained,
         log_likelihood_ci95=_about(gained, draws),
-        over_everything=total[1] - total[2], residuals=residuals,
+        over_everything=trained - total[2], residuals=residuals,
     )  # fmt: skip
 
 
