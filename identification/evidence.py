@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identification import kinematics as k
 from identification.causes import CATALOGUE, Cause, Change
 from identification.declared import declared, offsets
 from identification.drive import Driven, Noise, gust_slopes, judge
@@ -49,7 +50,7 @@ def knob_slopes(
         knob = model.knobs[key]
         steps[key] = knob.step if at.get(key, knob.nominal) + knob.step <= knob.high else -knob.step
     moved = {key: at | {key: at.get(key, model.knobs[key].nominal) + step} for key, step in steps.items()}
-    slopes = {}
+    slopes: dict[str, Floats] = {}
     for coarse in (False, True):
         chosen = [key for key in keys if key.startswith(QUICK) is not coarse]
         if not chosen:
@@ -92,8 +93,10 @@ class Sheet:
         self.channel: NDArray[np.int64] = np.concatenate(
             [flight.motion.kinds, DRIVEN + np.tile(np.arange(7), nodes)]
         ).astype(np.int64)
-        # the model's own filter is at rest by then; a sensor's first words say how far its bias is from nothing
-        self._late = (self.t >= flight.motion.t[0] + SETTLED) | (self.channel < DRIVEN)
+        # a sensor's first words say how far its bias is from nothing; the model's filter is not at rest yet, and what
+        # the camera sees is not linear in where the filter still believes to be
+        early = (self.channel >= DRIVEN) | (self.channel >= k.PAD)
+        self._late = (self.t >= flight.motion.t[0] + SETTLED) | ~early
         self.spread = float(model.vehicle.document["environment"]["wind_std"]["value"])
         self._sensors(causes, scalars, nodes)
         self.wind: Floats = np.zeros(3)

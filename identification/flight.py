@@ -28,6 +28,7 @@ SETTLED = 1.0  # [s] until the filter knows where it is
 LEAST_SAMPLES = 40  # to take a noise level from
 LEAST_FACTOR = 0.4  # of the declared one
 PAD_TAU = 4.0  # [s] for which a front end's errors last: attitude that it was given, size of the mark
+POINTING, STAMP = 5e-4, 2e-3  # [rad], [s]: what gyro and stamps leave open in turning from body to camera to world
 PAD_FLOOR, ANGLE_FLOOR = 0.0005, 5e-4  # [m], [rad] that no front end is better than
 TACH_SPAN = 0.3  # [s] over which the tachometer is smoothed
 REACH_MARGIN = 2.0  # [m] that GPS and barometer may both be too high
@@ -93,7 +94,7 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
     pressure, temperature = _surface(tables)
     setup = _setup(vehicle)
     edges = _edges(imu_t)
-    measurements = _measurements(tables, vehicle, imu_t, edges)
+    measurements = _measurements(tables, vehicle, imu_t, imu, edges)
     start = _start(tables, imu, imu_t)
     surface = pressure, temperature
     motion, samples, skids = _filter(vehicle, imu_t, imu, edges, measurements, start, setup, mass, surface)
@@ -196,7 +197,7 @@ def _setup(vehicle: Vehicle) -> Floats:
 
 
 def _measurements(
-    tables: Mapping[str, Table], vehicle: Vehicle, imu_t: Floats, edges: Ints
+    tables: Mapping[str, Table], vehicle: Vehicle, imu_t: Floats, imu: Floats, edges: Ints
 ) -> tuple[Ints, Ints, Floats, Floats, Floats]:
     """First (N + 1,), kinds, times, values and standard deviations (M,), in order of time."""
     parts: list[tuple[int, Floats, Floats, Floats]] = []
@@ -228,9 +229,14 @@ def _measurements(
             add(k.FIELD + axis, np.asarray(table["t"]), np.asarray(table[name], float), n["noise"])
     if "pad" in tables and "down" in vehicle.cameras:
         table = tables["pad"]
+        depth, stamp = np.nan_to_num(np.asarray(table["z"], float)), np.asarray(table["t"])
+        turning = np.interp(stamp, imu_t, np.linalg.norm(imu[:, 3:5], axis=1))
+        floor = np.hypot(PAD_FLOOR, depth * np.hypot(POINTING, STAMP * turning))
+        aside = np.nan_to_num(np.hypot(np.asarray(table["x"], float), np.asarray(table["y"], float)))
+        beside = np.hypot(PAD_FLOOR, aside * np.hypot(POINTING, STAMP * turning))
         for axis, name in enumerate(("x", "y", "z")):
-            std = np.hypot(np.asarray(table[f"std_{name}"], float), PAD_FLOOR)
-            add(k.PAD + axis, np.asarray(table["t"]), np.asarray(table[name], float), std)
+            std = np.hypot(np.asarray(table[f"std_{name}"], float), floor if axis < 2 else beside)
+            add(k.PAD + axis, stamp, np.asarray(table[name], float), std)
         std = np.hypot(np.asarray(table["std_angle"], float), ANGLE_FLOOR)
         add(k.PAD_ANGLE, np.asarray(table["t"]), np.asarray(table["angle"], float), std)
     kinds = np.concatenate([np.full(len(t), kind) for kind, t, _, _ in parts] or [np.zeros(0)]).astype(np.int64)
@@ -274,7 +280,9 @@ def _statistics(vehicle: Vehicle, node_step: float, imu_step: float) -> tuple[Fl
 
     imu = numbers["imu"]
     prior[k.P : k.P + 3], prior[k.V : k.V + 3] = 4.0, 1.0
-    prior[k.PHI : k.PHI + 2], prior[k.PHI + 2] = 0.03**2, 0.1**2
+    if "gps" in numbers:  # its first fix is the start
+        prior[k.P : k.P + 3], prior[k.V : k.V + 3] = 1.0, 9.0 * numbers["gps"]["velocity_noise"] ** 2
+    prior[k.PHI : k.PHI + 2], prior[k.PHI + 2] = 0.02**2, 0.05**2
     lateral = imu["misalignment_std"] * GRAVITY
     prior[k.B_A : k.B_A + 3] = imu["accel_bias_std"] ** 2 + (imu["accel_scale_std"] * GRAVITY) ** 2
     prior[k.B_A : k.B_A + 2] += lateral**2
@@ -330,8 +338,8 @@ def _filter(
     skid = float(vehicle.geometry["skid_height"])
     for last in (False, False, False, True):
         k.track(
-            imu_t, imu, edges, first, kinds, times, values, stds, slow, shifts, start, setup, MAGNETIC_FIELD, prior, noise,
-            decay, way, samples, rows, gains, answers,
+            imu_t, imu, edges, first, kinds, times, values, stds, slow, shifts, start, setup, MAGNETIC_FIELD, prior,
+            noise, decay, way, samples, rows, gains, answers,
         )  # fmt: skip
         height = samples[ends, 2] - skid
         if not last:

@@ -48,6 +48,7 @@ class HelicopterBench:
         self.flights: list[Flight] = [prepare(name, tables, vehicle) for name, tables in logs.items()]
         topics = set.intersection(*(set(tables) for tables in logs.values()))
         self.causes: Sequence[Cause]
+        self.not_testable: Mapping[str, Sequence[str]]
         self.causes, self.not_testable = ev.testable(vehicle, topics)
         self.channels: Mapping[int, Channel] = {
             **{i: Channel(name, SCALAR_UNITS[name.partition(".")[0]]) for i, name in enumerate(k.CHANNELS)},
@@ -85,6 +86,15 @@ class HelicopterBench:
         knob = self.model.knobs.get(key)
         return value if knob is None else min(max(value, knob.low), knob.high)
 
+    def drivers(self) -> Sequence[tuple[str, str, Sequence[tuple[Floats, Floats]]]]:
+        """See `regions.Driven`."""
+        motions = [flight.motion for flight in self.flights]
+        return [
+            ("height", "m", [(m.t, m.position[:, 2]) for m in motions]),
+            ("speed", "m/s", [(m.t, np.linalg.norm(m.velocity[:, :2], axis=1)) for m in motions]),
+            ("time", "s", [(m.t, m.t - m.t[0]) for m in motions]),
+        ]
+
     def _describe(self) -> None:
         own = {p.key: p for cause in self.causes for p in cause.parameters}
         knobs = self.model.knobs
@@ -96,6 +106,8 @@ class HelicopterBench:
         self.units: Mapping[str, str] = {
             **{key: p.unit for key, p in own.items()}, **{key: knobs[key].unit for key in self._knob_keys}
         }  # fmt: skip
+        self.tolerances: Mapping[str, float]
+        self.spreads: Mapping[str, float]
         self.tolerances, self.spreads = ev.priors(self.model, self.causes)
 
     def _sensor_nominal(self, key: str, declared: float) -> float:

@@ -32,6 +32,7 @@ CHANNELS = (
 )  # fmt: skip
 
 GATE, HUBER = 6.0, 3.0  # standard deviations: not used beyond the first, weighted down beyond the second
+PATIENCE = 8  # readings of a kind beyond the gate, after which it is the filter that is wrong
 
 
 @numba.njit(cache=True)
@@ -123,6 +124,7 @@ def predict(kind, dt, p, v, q, w, extra, setup, field, row):
     row[PHI + 2] = -(r[0, of] * away[1] - r[1, of] * away[0])
     if axis == 2:
         row[CAMERA_SCALE] = value
+        row[CAMERA_TILT], row[CAMERA_TILT + 1] = body[1], body[0]
         value *= 1.0 + extra[8]
     elif axis == 0:
         row[CAMERA_TILT] = -body[2]
@@ -156,8 +158,8 @@ def transition(step, f, r, decay, x):
 
 @numba.njit(cache=True)
 def track(
-    imu_t, imu, edges, first, kinds, times, values, stds, slow, shifts, start, setup, field, prior, noise, decay, way, motion,
-    rows, gains, answers,
+    imu_t, imu, edges, first, kinds, times, values, stds, slow, shifts, start, setup, field, prior, noise, decay, way,
+    motion, rows, gains, answers,
 ):
     """Filter a log; returns the biases (STATES,) at its end and their variances.
 
@@ -178,6 +180,7 @@ def track(
     cov = np.diag(prior)
     extra = np.zeros(9)
     row = np.empty(STATES)
+    shut = np.zeros(KINDS, dtype=np.int64)
     nodes = len(edges) - 1
     t = imu_t[edges[0]]
     for n in range(nodes):
@@ -228,8 +231,9 @@ def track(
                 extra[4 + k] = biases[MAG + k]
             extra[7], extra[8] = biases[SONAR_SCALE], biases[CAMERA_SCALE]
             value = predict(kind, times[m] - t, p, v, q, rate, extra, setup, field, row) + shifts[m]
-            if kind == PAD or kind == PAD + 1:
-                value += row[CAMERA_TILT + kind - PAD] * biases[CAMERA_TILT + kind - PAD]
+            if PAD <= kind < PAD_ANGLE:
+                for k in range(2):
+                    value += row[CAMERA_TILT + k] * biases[CAMERA_TILT + k]
             if kind >= PAD:
                 row[PAD_SLOW + kind - PAD] = slow[m]
                 value += slow[m] * biases[PAD_SLOW + kind - PAD]
@@ -239,7 +243,9 @@ def track(
             ph = cov @ row
             s = math.sqrt(row @ ph + stds[m] ** 2)
             size = abs(innovation) / s
-            weight = 1.0 if size <= HUBER else (HUBER / size if size <= GATE else 0.0)
+            shut[kind] = 0 if size <= GATE else shut[kind] + 1
+            lost = kind != SONAR and shut[kind] > PATIENCE  # a ranger may well speak nonsense for long
+            weight = 1.0 if size <= HUBER else (HUBER / size if size <= GATE or lost else 0.0)
             answers[m, 0], answers[m, 1], answers[m, 2] = innovation, s, weight
             gain = ph * (weight / (s * s))
             rows[m], gains[m] = row, gain

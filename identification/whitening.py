@@ -66,6 +66,8 @@ def drive_signatures(gust, gains, spreads, step, keep, model, measured):
     nodes, _, columns = model.shape
     out = np.zeros((nodes, 7, columns))
     x = np.zeros((7, columns))  # gust (3), rate (3), rotor speed
+    begun = np.zeros(7)
+    begun[:3] = 1.0
     for n in range(nodes):
         for c in range(columns):
             for i in range(3):
@@ -77,7 +79,12 @@ def drive_signatures(gust, gains, spreads, step, keep, model, measured):
                 x[3 + i, c] += step * push
         for k in range(7):
             if not np.isfinite(spreads[n, k]):
+                # the first reading is where the count begins; `measured` says nothing where there is none
+                if begun[k] == 0.0:
+                    for c in range(columns):
+                        x[k, c] = measured[n, k, c]
                 continue
+            begun[k] = 1.0
             for c in range(columns):
                 change = measured[n, k, c]
                 if k < 3:
