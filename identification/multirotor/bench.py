@@ -1,6 +1,7 @@
 """Flights of one multirotor in linear form; see `identification.bench.Bench`."""
 
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ STEP = 0.2  # of a prior, for a derivative
 REPEATED = {"thrust": ("terms.thrust.scale",), "cg": ("terms.cg_offset.x", "terms.cg_offset.y"),
             "yaw": ("terms.yaw_trim.arm",)}  # fmt: skip
 ALSO = ("terms.yaw_trim.per_volt",)  # what else normal flights tell
+DRIVERS = {"time": "s", "height": "m", "speed": "m/s", "voltage": "V"}
 REFERENCE = "terms.battery_sag.reference"
 MOVING = "inertia", "terms.motor"  # what a balance does not show
 WHITE = 0.25  # largest correlation of neighbours among what is left of a channel
@@ -55,7 +57,7 @@ class MultirotorBench:
         }
         own = {p.key: p for cause in self.causes for p in cause.parameters}
         numbers = vehicle.numbers
-        hidden = ("terms.repeatability", *(MOVING if by_estimate else ()))
+        hidden = ("terms.repeatability", *MOVING)
         self.tolerances: Mapping[str, float] = {
             key: number.tolerance
             for key, number in numbers.items()
@@ -151,14 +153,25 @@ class MultirotorBench:
             found[f"terms.repeatability.{name}"] = float(np.sqrt(square / count))
         return found
 
-    def drivers(self, flight: int) -> dict[str, tuple[str, Floats, Floats]]:
-        """What a residual may depend on: label, times and values by name."""
+    def drivers(self, flight: int | None = None) -> Any:
+        """What a residual may depend on.
+
+        Of one flight: label, times and values by name. Of all: name, unit and the course (times, values) on each.
+        """
+        if flight is None:
+            names = set.intersection(*(set(self._courses(i)) for i in range(len(self.flights))))
+            return [
+                (name, unit, [(f.t, self._courses(i)[name]) for i, f in enumerate(self.flights)])
+                for name, unit in DRIVERS.items()
+                if name in names
+            ]
+        t = self.flights[flight].t
+        return {name: (f"{name} [{DRIVERS[name]}]", t, v) for name, v in self._courses(flight).items()}
+
+    def _courses(self, flight: int) -> dict[str, Floats]:
         item = self.flights[flight]
-        found = {
-            "time": ("time [s]", item.t - item.t[0]), "height": ("height [m]", item.height),
-            "speed": ("speed over ground [m/s]", item.speed), "voltage": ("voltage [V]", item.voltage),
-        }  # fmt: skip
-        return {name: (label, item.t, v) for name, (label, v) in found.items() if np.isfinite(v).all()}
+        found = {"time": item.t - item.t[0], "height": item.height, "speed": item.speed, "voltage": item.voltage}
+        return {name: values for name, values in found.items() if np.isfinite(values).all()}
 
     def _whiten(self, item: Flight, parts: Sequence[Floats]) -> Floats:
         """Channels (K,) one behind the other as whitened rows (R,)."""

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.causes import battery_sag, drag, rotor_damage
+from identification.causes import battery_sag, rotor_damage
 from identification.causes.contract import Cause, Parameter
 from sim.multirotor.file import Multirotor
 
@@ -14,7 +14,10 @@ SHIFTED = 0.15  # of the rotors' reach by which a centre of mass may lie off
 
 
 def catalogue(craft: Multirotor) -> list[Cause]:
-    """Every cause that a multirotor's balances could show, its spreads fitted to the size of this one."""
+    """Every cause that a multirotor's balances could show, its spreads fitted to the size of this one.
+
+    Lags, delays and drag show in the motion about the balance alone, which is not judged.
+    """
     reach = float(np.sqrt(np.mean(craft.positions[:, :2] ** 2)))
     mass, volts = craft.mass, craft.numbers["terms.battery_sag.reference"].value
     sag = battery_sag.CAUSE
@@ -58,36 +61,6 @@ def catalogue(craft: Multirotor) -> list[Cause]:
         ),
         replace(sag, parameters=(replace(sag.parameters[0], spread=battery_sag.SHARE / volts),)),
         *(rotor_damage.of(i + 1, craft.rotors) for i in range(craft.rotors)),
-        Cause(
-            name="actuator_lag",
-            where="plant",
-            parameters=(Parameter("tau", "s", "terms.motor.tau", 0.05),),
-            about="lag from command to thrust",
-            kinds=("multirotor",),
-            needs=("imu",),
-            split_by={"actuator_delay": "doublets of a tenth of a second: a lag rounds them, a delay shifts them"},
-        ),
-        Cause(
-            name="actuator_delay",
-            where="timing",
-            parameters=(Parameter("delay", "s", "terms.motor.delay", 0.03),),
-            about="pure delay of the commands",
-            kinds=("multirotor",),
-            needs=("imu",),
-            split_by={"actuator_lag": "doublets of a tenth of a second: a lag rounds them, a delay shifts them"},
-        ),
-        Cause(
-            name="drag",
-            where="plant",
-            parameters=(
-                Parameter("area", "m^2", "terms.drag.area", 4.0 * reach**2),
-                Parameter("linear", "N s/m", "terms.drag.linear", 0.1 * mass * 9.81 / 5.0),
-            ),
-            about=drag.CAUSE.about,
-            kinds=("multirotor",),
-            needs=("imu",),
-            split_by=drag.CAUSE.split_by,
-        ),
     ]
 
 

@@ -5,8 +5,8 @@ is differentiated: climb once, attitude twice. An attitude that was not logged s
 acceleration of a long flight is nothing.
 
 Whoever flies cancels the air's disturbances by commands, and answers the noise of sensors by them, so that commands
-fluctuate more than the vehicle does. A model that answered less would seem better. Where accelerations come from
-differences, numbers are therefore judged by balances: about M(u; n), n nominal, the model moves as it does at the
+fluctuate more than the vehicle does. A model that answered less would seem better. Numbers are therefore judged by
+balances: about M(u; n), n nominal, the model moves as it does at the
 flight's mean commands s and the voltage's slow course, M(u; n) + M(s; theta) - M(s; n).
 """
 
@@ -26,8 +26,7 @@ from sim.multirotor.model import Inputs, answer
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-NODE = 0.1  # [s] by an inertial sensor
-SLOW_NODE = 0.5  # [s] by differences
+NODE = 0.5  # [s]
 SMOOTH = 4.0  # [s] over which the voltage is smoothed for it
 STEPS = 0.002, 0.02  # [s] shortest and longest step of the model along a log
 CLEAR = 0.2  # [m] above the ground while a flight is looked at
@@ -60,7 +59,7 @@ class Flight:
 
     name: str
     inputs: Inputs
-    slow: Inputs | None  # settled, where numbers are judged by balances
+    slow: Inputs  # settled
     per_node: int  # samples
     first: Ints  # (K,) sample at which each node begins
     spans: Sequence[tuple[int, int]]  # first node of each stretch in the air, and the one behind its last
@@ -73,8 +72,6 @@ class Flight:
 
     def expected(self, craft: Multirotor, changes: Mapping[str, float]) -> list[Floats]:
         """What the model answers in each channel seen, (K,) each, with some numbers changed."""
-        if self.slow is None:
-            return self._nodes(answer(craft, craft.values(changes), self.inputs))
         plain = answer(craft, craft.values(), self.inputs)
         if not changes:
             return self._nodes(plain)
@@ -105,7 +102,7 @@ def prepare(name: str, tables: Mapping[str, Table], craft: Multirotor, by_estima
     table = tables[topic]
     t = np.asarray(table["t"], float)
     step = float(np.clip(np.median(np.diff(t)), *STEPS))
-    length = SLOW_NODE if by_estimate else NODE
+    length = NODE
     per_node = max(round(length / step), 1)
     step = length / per_node
     grid = np.arange(t[0], t[-1], step)
@@ -122,7 +119,8 @@ def prepare(name: str, tables: Mapping[str, Table], craft: Multirotor, by_estima
     lift = answer(craft, craft.values(), inputs)[:, 2]
     flying = uniform_filter1d((lift > LIFTED * GRAVITY).astype(float), max(round(1.0 / step), 1)) > 0.5
     known = np.isfinite(motion.height)
-    flying &= ~known | (motion.height > CLEAR)
+    if not flying[0]:  # a log that begins in the air does not tell where the ground is
+        flying &= ~known | (motion.height > CLEAR)
     first, spans = _stretches(flying, per_node, round(EDGE / step))
     if len(first) * length < LEAST:
         raise UserError(
@@ -138,7 +136,7 @@ def prepare(name: str, tables: Mapping[str, Table], craft: Multirotor, by_estima
     if not any(s.channel == CHANNELS.index("force_z") for s in seen):
         raise UserError(f"{name}: nothing says how it climbs: imu.fz, or u or vu of estimate or reference, would")
     return Flight(
-        name, inputs, _settled(inputs, first, spans, per_node) if by_estimate else None, per_node, first, spans,
+        name, inputs, _settled(inputs, first, spans, per_node), per_node, first, spans,
         node(grid), seen, by_estimate, node(motion.height), node(motion.speed), node(inputs.voltage),
     )  # fmt: skip
 
