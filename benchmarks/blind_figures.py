@@ -204,28 +204,34 @@ def draw(records: Sequence[Record], path: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    known = [(strongest(r), any(item["name"] for item in r.asserted)) for r in records
-             if r.error is None and r.job["part"] in ("single", "weak", "hard") and r.strength]  # fmt: skip
+    known = [r for r in records if r.error is None and r.job["part"] in ("single", "weak", "hard") and r.strength]
     figure, axes = plt.subplots(figsize=(7.0, 4.2))
     at = np.geomspace(0.3, 300.0, 300)
     for parameters, style in ((1, "-"), (3, "--")):
         axes.plot(at, expected(at, parameters), style, color="0.4",
                   label=f"noncentral chi-square, {parameters} parameter(s)")  # fmt: skip
-    if known:
-        d, hit = np.array([k[0] for k in known]), np.array([k[1] for k in known], float)
-        edges = np.geomspace(0.3, 300.0, 13)
-        for low, high in pairwise(edges):
+    d = np.array([strongest(r) for r in known])
+    seen = {
+        "anything asserted": ("o", "none", np.array([bool(r.asserted) for r in known])),
+        "the true cause or its class": ("o", "C0", np.array([true(r) <= classes(r) for r in known])),
+    }
+    for name, (marker, face, hit) in seen.items():
+        label = name
+        for low, high in pairwise(np.geomspace(0.3, 300.0, 13)):
             chosen = (d >= low) & (d < high)
-            if chosen.any():
-                rate, n = float(hit[chosen].mean()), int(chosen.sum())
-                span = binomtest(int(hit[chosen].sum()), n).proportion_ci(method="wilson")
-                axes.errorbar(math.sqrt(low * high), rate, [[rate - span.low], [span.high - rate]], fmt="o", color="C0")
-                axes.annotate(str(n), (math.sqrt(low * high), rate), textcoords="offset points", xytext=(5, 4),
-                              fontsize=7)  # fmt: skip
+            n = int(chosen.sum())
+            if n == 0:
+                continue
+            rate, middle = float(hit[chosen].mean()), math.sqrt(low * high)
+            span = binomtest(int(hit[chosen].sum()), n).proportion_ci(method="wilson")
+            axes.errorbar(middle, rate, [[max(rate - span.low, 0.0)], [max(span.high - rate, 0.0)]], color="C0", lw=0.7)
+            axes.plot(middle, rate, marker, mfc=face, mec="C0", label=label)
+            axes.annotate(str(n), (middle, rate), textcoords="offset points", xytext=(5, 4), fontsize=7)
+            label = "_"
     axes.axvline(STRONG, color="C3", lw=0.7)
     axes.set(xscale="log", ylim=(-0.02, 1.04), xlabel="d' [standard deviations]", ylabel="share detected",
              title="Detection against strength of the signature")  # fmt: skip
-    axes.legend(fontsize=8, loc="upper left")
+    axes.legend(fontsize=8, loc="lower right")
     figure.tight_layout()
     figure.savefig(path, dpi=110)
     plt.close(figure)

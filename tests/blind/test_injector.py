@@ -73,7 +73,8 @@ def test_topics_left_out_are_left_out(tmp_path):
 
 def test_numbers_are_drawn_with_the_standard_deviation_that_the_file_declares(raptor):
     rng = np.random.default_rng(1)
-    keys = [("mass",), ("terms", "ground_effect", "gain"), ("sensors", "baro", "noise"), ("terms", "tail_rotor", "gear")]
+    keys = [("mass",), ("terms", "ground_effect", "gain"), ("sensors", "baro", "noise"),
+            ("terms", "tail_rotor", "gear")]  # fmt: skip
     found = {key: [] for key in keys}
     for _ in range(300):
         document = draws.drawn(raptor.document, rng)
