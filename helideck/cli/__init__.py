@@ -24,7 +24,7 @@ from helideck.cli.usage import one_line
 
 # in the order of the help
 VERBS: tuple[str, ...] = (
-    "land", "replay", "estimate", "diagnose", "predict", "see", "campaign", "reproduce", "list", "doctor",
+    "land", "replay", "estimate", "diagnose", "predict", "see", "campaign", "reproduce", "vehicle", "list", "doctor",
 )  # fmt: skip
 
 DESCRIPTION = (
