@@ -148,7 +148,7 @@ class MultirotorBench:
                 own = [item.signatures[key] for item in rows]
                 each = [s @ item.residual / max(float(s @ s), 1e-12) for s, item in zip(own, rows, strict=True)]
                 noise = float(np.mean([1.0 / max(float(s @ s), 1e-12) for s in own]))
-                square += max(float(np.sum((each - np.mean(each)) ** 2)) - (len(each) - 1) * noise, 0.0)
+                square += max(float(np.sum((np.array(each) - np.mean(each)) ** 2)) - (len(each) - 1) * noise, 0.0)
                 count += len(each) - 1
             found[f"terms.repeatability.{name}"] = float(np.sqrt(square / count))
         return found
