@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightlog.atmosphere import SURFACE_PRESSURE, SURFACE_TEMPERATURE, density_at, pressure_at
+from flightlog.camera import DOWN
 from flightlog.constants import GRAVITY, LAPSE_RATE
 from flightlog.errors import UserError
-from flightlog.rotations import angles, quaternion
+from flightlog.rotations import angles, matrix, quaternion
 from flightlog.tables import Table
 from identification import kinematics as k
 from identification.grid import Course, Drive, lay, smooth
@@ -95,7 +96,8 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
     setup = _setup(vehicle)
     edges = _edges(imu_t)
     measurements = _measurements(tables, vehicle, imu_t, imu, edges)
-    start = _start(tables, imu, imu_t)
+    down = vehicle.cameras.get("down")
+    start = _start(tables, imu, imu_t, None if down is None else down.mount.position)
     surface = pressure, temperature
     motion, samples, skids = _filter(vehicle, imu_t, imu, edges, measurements, start, setup, mass, surface)
     last = _airborne(skids)
@@ -250,7 +252,7 @@ def _measurements(
     return np.asarray(first, np.int64), kinds[order], times[order], values[order], stds[order]
 
 
-def _start(tables: Mapping[str, Table], imu: Floats, imu_t: Floats) -> Floats:
+def _start(tables: Mapping[str, Table], imu: Floats, imu_t: Floats, camera: Floats | None) -> Floats:
     """Position, velocity and attitude (10,) to begin with: level by the force, heading by the field."""
     fx, fy, fz = imu[: max(10, _samples_a_turn(imu_t) * 5), :3].mean(axis=0)
     roll, pitch = math.atan2(fy, fz), math.atan2(fx, math.hypot(fy, fz))
@@ -266,6 +268,12 @@ def _start(tables: Mapping[str, Table], imu: Floats, imu_t: Floats) -> Floats:
     elif "baro" in tables and len(tables["baro"]):
         start[2] = float(tables["baro"]["altitude"][0])
     start[6:] = quaternion(roll, pitch, heading)
+    if "pad" in tables and len(tables["pad"]) and camera is not None:
+        # what the camera sees is linear in the position only where that is known to some tenths of a metre
+        seen = tables["pad"].stack("x", "y", "z")
+        first = seen[np.isfinite(seen).all(axis=1)][:1]
+        if len(first) and tables["pad"]["t"][0] < imu_t[0] + SETTLED:
+            start[:3] = -matrix(start[6:]) @ (DOWN @ first[0] + camera)
     return start
 
 
