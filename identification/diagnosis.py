@@ -26,7 +26,7 @@ from identification.verdict import (
     Number,
     Verdict,
 )
-from sim.vehicle import Vehicle
+from sim.kinds import AnyVehicle
 
 BENCHES: Mapping[str, str] = {
     "helicopter": "identification.helicopter",
@@ -48,7 +48,7 @@ class Diagnosis:
     causes: Names  # in force together: of each class the most probable member
 
 
-def open_bench(logs: Logs, vehicle: Vehicle, like: Bench | None = None) -> Bench:
+def open_bench(logs: Logs, vehicle: AnyVehicle, like: Bench | None = None) -> Bench:
     """Prepare flights for the vehicle's kind; UserError where the logs cannot carry a diagnosis."""
     kind = str(vehicle.document["kind"])
     if kind not in BENCHES:
@@ -57,7 +57,7 @@ def open_bench(logs: Logs, vehicle: Vehicle, like: Bench | None = None) -> Bench
     return bench
 
 
-def diagnose(logs: Logs, vehicle: Vehicle, *, threshold: float = THRESHOLD) -> Verdict:
+def diagnose(logs: Logs, vehicle: AnyVehicle, *, threshold: float = THRESHOLD) -> Verdict:
     """What the vehicle's model gets wrong on these flights, by name; see design section 6.
 
     logs: measured tables by flight and topic. Raises UserError for a log that cannot carry a diagnosis.
@@ -66,13 +66,13 @@ def diagnose(logs: Logs, vehicle: Vehicle, *, threshold: float = THRESHOLD) -> V
     return told(found.verdict, found.search.causes)
 
 
-def examine(logs: Logs, vehicle: Vehicle, *, threshold: float = THRESHOLD) -> Diagnosis:
+def examine(logs: Logs, vehicle: AnyVehicle, *, threshold: float = THRESHOLD) -> Diagnosis:
     """`diagnose`, with all that the verdict was taken from."""
     with threadpool_limits(1, "blas"):  # its threads and ours would wait for each other
         return _examine(logs, vehicle, threshold)
 
 
-def _examine(logs: Logs, vehicle: Vehicle, threshold: float) -> Diagnosis:
+def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float) -> Diagnosis:
     bench = open_bench(logs, vehicle)
     search = Search(bench, threshold)
     best: Names = search.run() if bench.baseline.certified else ()

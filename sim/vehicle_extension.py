@@ -30,4 +30,4 @@ class Extension(Strict):
     by: str  # version of what wrote it
     logs: list[Source]
     covariance: Covariance
-    visited: dict[str, Annotated[list[float], Field(min_length=2, max_length=2)]] = {}  # least and greatest
+    visited: dict[str, Annotated[list[float], Field(min_length=2, max_length=2)]] = Field(default={})  # least, greatest
