@@ -13,7 +13,7 @@ from identification.bench import Bench
 from identification.classes import confusable, rivals, shares
 from identification.counts import Counted, count
 from identification.helicopter import HelicopterBench
-from identification.null import THRESHOLD
+from identification.null import THRESHOLD, UNJUDGED
 from identification.regions import lost
 from identification.search import Names, Search
 from identification.told import told
@@ -76,15 +76,18 @@ def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float) -> Diagnosis:
     bench = open_bench(logs, vehicle)
     search = Search(bench, threshold)
     best: Names = search.run() if bench.baseline.certified else ()
+    reason = _unfit(search, best) if bench.baseline.certified else bench.baseline.reason
+    if reason is not None:
+        best = ()
     causes = [_asserted(search, best, name) for name in best]
     causes = sorted((c for c in causes if c.probability > SURE), key=lambda c: -c.probability)
-    counted = _counted(logs, bench) if bench.baseline.certified else []
+    counted = _counted(logs, bench) if reason is None else []
     verdict = Verdict(
         vehicle=vehicle.name,
         logs=list(bench.names),
         baseline=BaselineReport(
-            bench.baseline.certified,
-            bench.baseline.reason,
+            reason is None,
+            reason,
             {name: Number(value, unit) for name, (value, unit) in bench.baseline.noise.items()},
             bench.baseline.environment,
         ),
@@ -95,6 +98,15 @@ def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float) -> Diagnosis:
         not_testable=[NotTestable(name, list(needs)) for name, needs in sorted(bench.not_testable.items())],
     )
     return Diagnosis(verdict, bench, search, best)
+
+
+def _unfit(search: Search, best: Names) -> str | None:
+    """Why not even the best explanation may judge these flights; None where it may."""
+    fit = search.fit(best)
+    size = 2.0 * fit.cost / max(fit.stack.rows, 1)
+    if size <= UNJUDGED:
+        return None
+    return f"innovations are {size:.2f} times as large as their noise (squared) under the best explanation"
 
 
 def _counted(logs: Logs, bench: object) -> list[Counted]:
