@@ -86,7 +86,7 @@ class HelicopterBench:
         knob = self.model.knobs.get(key)
         return value if knob is None else min(max(value, knob.low), knob.high)
 
-    def drivers(self) -> Sequence[tuple[str, str, Sequence[tuple[Floats, Floats]]]]:
+    def courses(self) -> Sequence[tuple[str, str, Sequence[tuple[Floats, Floats]]]]:
         """See `regions.Driven`."""
         motions = [flight.motion for flight in self.flights]
         return [

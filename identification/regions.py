@@ -21,7 +21,7 @@ Curves = Sequence[tuple[Floats, Floats]]  # by flight: times [s] and values
 class Driven(Protocol):
     """A bench that can say what residuals may depend on."""
 
-    def drivers(self) -> Sequence[tuple[str, str, Curves]]:
+    def courses(self) -> Sequence[tuple[str, str, Curves]]:
         """Name, unit and course of each."""
         ...
 
@@ -65,7 +65,7 @@ def lost(search: Search, best: Names, loser: str) -> LostBecause | None:
 
 def _region(bench: Bench, number: int, rows: Sequence[Rows], gain: Sequence[Floats]) -> str:
     """The band of the driver in which a channel's evidence is densest, among those that stand out most."""
-    drivers = bench.drivers() if isinstance(bench, Driven) else []
+    drivers = bench.courses() if isinstance(bench, Driven) else []
     per_row = np.concatenate([g[r.channel == number] for r, g in zip(rows, gain, strict=True)])
     best = (0.0, "all of the flights")
     for name, unit, curves in drivers:

@@ -1,7 +1,6 @@
 """Flights of one multirotor in linear form; see `identification.bench.Bench`."""
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,20 +152,19 @@ class MultirotorBench:
             found[f"terms.repeatability.{name}"] = float(np.sqrt(square / count))
         return found
 
-    def drivers(self, flight: int | None = None) -> Any:
-        """What a residual may depend on.
-
-        Of one flight: label, times and values by name. Of all: name, unit and the course (times, values) on each.
-        """
-        if flight is None:
-            names = set.intersection(*(set(self._courses(i)) for i in range(len(self.flights))))
-            return [
-                (name, unit, [(f.t, self._courses(i)[name]) for i, f in enumerate(self.flights)])
-                for name, unit in DRIVERS.items()
-                if name in names
-            ]
+    def drivers(self, flight: int) -> Mapping[str, tuple[str, Floats, Floats]]:
+        """What a residual of one flight may depend on: label, times and values by name."""
         t = self.flights[flight].t
         return {name: (f"{name} [{DRIVERS[name]}]", t, v) for name, v in self._courses(flight).items()}
+
+    def courses(self) -> Sequence[tuple[str, str, Sequence[tuple[Floats, Floats]]]]:
+        """The same of all flights: name, unit and the course (times, values) on each."""
+        names = set.intersection(*(set(self._courses(i)) for i in range(len(self.flights))))
+        return [
+            (name, unit, [(f.t, self._courses(i)[name]) for i, f in enumerate(self.flights)])
+            for name, unit in DRIVERS.items()
+            if name in names
+        ]
 
     def _courses(self, flight: int) -> dict[str, Floats]:
         item = self.flights[flight]

@@ -22,7 +22,7 @@ def here(tmp_path, monkeypatch):
     ("words", "parts"),
     [
         (["landin"], ["unknown scenario 'landin'", "did you mean 'landing'?"]),
-        (["xyz"], ["unknown scenario 'xyz'", "known: gps_denied_hover, hover, landing"]),
+        (["xyz"], ["unknown scenario 'xyz'", "known: gps_denied_hover, horizon_hold, hover"]),
         (["nowhere.toml"], ["nowhere.toml: no such file"]),
         (["folder.toml"], ["folder.toml: cannot be read: Is a directory"]),
         (["."], ["unknown scenario '.'"]),

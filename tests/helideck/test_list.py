@@ -7,6 +7,7 @@ import pytest
 from estimators.navigators import NAVIGATORS
 from helideck.cli import main
 from helideck.listing import LISTS
+from identification.causes import CATALOGUE
 from scenarios.load import available
 from sim.sensors import CATALOGUE as SENSORS
 from sim.terms import CATALOGUE as TERMS
@@ -14,7 +15,7 @@ from sim.vehicle import available as vehicles
 
 EXPECTED = {
     "scenarios": available(), "vehicles": vehicles(), "terms": list(TERMS), "sensors": list(SENSORS),
-    "navigators": list(NAVIGATORS),
+    "navigators": list(NAVIGATORS), "causes": list(CATALOGUE),
 }  # fmt: skip
 
 

@@ -159,7 +159,7 @@ def test_what_pictures_cannot_do_is_refused_before_any_is_made(refused, text, me
         ("mass = {value = 5.0", "mass = {value = [5.0]", "craft.toml:6: mass: must be one number in kg (got [5.0])"),
         ("[0.097, 0.184, 0.151]", "[0.097, 0.184]", "inertia: must be 3 numbers in kg m^2 (got [0.097, 0.184])"),
         ("[0.097, 0.184, 0.151]", "[0.097, 0.9, 0.151]", "inertia: no body has one moment of inertia larger than"),
-        ('"helicopter"', '"multirotor"', "kind: there is no 'multirotor'; known: helicopter"),
+        ('"helicopter"', '"multirotor"', "kind: found 'multirotor'; `land` flies helicopters"),
         ("mass = {value = 5.0", "mass = {value = nan", "craft.toml:6: mass: must be a finite number (got nan)"),
         ("gain = {value = 1.0, unit", "gain = {value = nan, unit", "terms.ground_effect.gain: must lie in 0 .. 3"),
         ("[0.097, 0.184, 0.151]", "[0.097, inf, 0.151]", "inertia.value.1: must be a finite number (got inf)"),

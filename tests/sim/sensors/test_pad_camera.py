@@ -212,5 +212,5 @@ def test_a_finer_camera_sees_more(bench):
     model = CameraModel.centred(1536, 988, 2 * 952.4, 2 * 816.3)
     fine._intrinsics = np.array([model.width, model.height, model.fx, model.fy, model.cx, model.cy])
     a, b = look(bench, coarse), look(bench, fine)
-    # twice the pixels an edge, each half as large: 2^1.5
-    assert a.std_z / b.std_z == pytest.approx(2**1.5, rel=0.01)
+    # twice the pixels an edge, each half as large: 2^1.5, but for what a prediction holds
+    assert a.std_z / b.std_z == pytest.approx(2**1.5, rel=0.02)
