@@ -73,7 +73,8 @@ def test_joseph_s_covariance_stays_one(z, gain, scaled, size, correlation) -> No
     found = correct(np.zeros(2), p, np.array(z), h, np.diag([0.01, 0.03, 0.12]),
                     replace(STILL, gain=gain, scaled=scaled))  # fmt: skip
     assert np.all(np.linalg.eigvalsh(found.p) >= -1e-12 * size)
-    assert np.trace(found.p) <= np.trace(p) * (1 + 1e-12)
+    if scaled == "whole":  # P - (2n - n^2) K S K'; columns scaled each for itself are no longer the optimal gain's
+        assert np.trace(found.p) <= np.trace(p) * (1 + 1e-12)
     assert np.all((found.weight >= 0) & (found.weight <= 1))
 
 
