@@ -106,8 +106,9 @@ def predict(kind, dt, p, v, q, w, extra, setup, field, row):
         row[MAG + axis] = 1.0
         return value
     if kind == PAD_ANGLE:
-        # azimuth of the mark's axis (north) less that of the nose
-        row[PHI + 2] = 1.0
+        # azimuth of the mark's axis (north) less that of the nose, which points up or down a little
+        rise = r[2, 0] / (r[0, 0] ** 2 + r[1, 0] ** 2)
+        row[PHI], row[PHI + 1], row[PHI + 2] = -rise * r[0, 0], -rise * r[1, 0], 1.0
         return -math.atan2(r[0, 0], r[1, 0])
     # the pad's centre in camera axes: x right = -left, y down in the picture = backward, z down
     away = np.empty(3)
