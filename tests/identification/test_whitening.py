@@ -1,18 +1,39 @@
 """What is linear about the filters: signatures against the filters run again, tick means, and the shake taken out."""
 
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import dataclass, replace
+from typing import Any
+from unittest import mock
 
-from identification.drive import Noise
+import numpy as np
+import pyarrow as pa
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from flightlog.tables import Table
+from flightlog.topics import topic_of
+from identification import kinematics
+from identification.causes import CATALOGUE
+from identification.drive import Noise, judge
 from identification.dynamics import innovations
+from identification.evidence import Sheet
+from identification.flight import prepare
 from identification.grid import smooth
+from identification.model import Model
+from identification.stack import Rows, stack
 from identification.vibration import calm
-from identification.whitening import drive_signatures
+from identification.whitening import drive_signatures, sensor_signatures
+from sim.vehicle import load
+from tests.identification.short_flight import Columns
 
 Floats = NDArray[np.float64]
 
 NODES = 80
 STEP = 0.04
+
+
+def made_table(topic: str, columns: dict[str, NDArray[Any]]) -> Table:
+    return Table(topic, pa.table(dict(columns)), topic_of("measured", topic))
 
 
 def _filter(answer: Floats, measured: Floats, gust: Floats, noise: Noise) -> tuple[Floats, Floats, Floats]:
@@ -66,3 +87,202 @@ def test_smoothing_keeps_what_is_slow_and_removes_a_turn() -> None:
     slow, turn = np.sin(2.0 * np.pi * 2.0 * t), np.cos(2.0 * np.pi * 25.0 * t)
     kept = smooth(slow + turn, 10)[50:-50]
     assert np.abs(kept - slow[50:-50]).max() < 1e-3
+
+
+# --- what sensors measure, against the whole filter of the motion run again -------------------------------------------
+
+
+def near(found: Floats, right: Floats, share: float) -> bool:
+    return bool(np.linalg.norm(found - right) < share * np.linalg.norm(right))
+
+
+TOUCH = 1e-3  # standard deviations by which a measurement is changed
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """The filter of the motion along a flown flight whose sensors all say what it expects: linear in small changes."""
+
+    arguments: tuple[Any, ...]  # of `kinematics.track`, outputs included
+
+    def answer(self, values: Floats | None = None, imu: Floats | None = None, stds: Floats | None = None) -> Floats:
+        """Innovations (M, 3) of changed measurements; what was recorded stays."""
+        a = [item.copy() if isinstance(item, np.ndarray) else item for item in self.arguments]
+        for place, given in ((1, imu), (6, values), (7, stds)):
+            a[place] = a[place] if given is None else given
+        kinematics.track(*a)
+        return np.asarray(a[-1])
+
+    def whitened(self, **changed: Floats) -> Floats:
+        nu, s, weight = self.answer(**changed).T
+        return np.asarray(np.sqrt(weight) * nu / s)
+
+    def signature(self, dz: Floats, df: Floats, dw: Floats) -> Floats:
+        first, decay, way, rows, gains, answers = (self.arguments[i] for i in (3, 15, 16, 18, 19, 20))
+        change = dz[:, None], df[:, :, None], dw[:, :, None]
+        return np.asarray(sensor_signatures(way, rows, gains, answers, first, STEP, decay, *change))[:, 0]
+
+
+@pytest.fixture(scope="module")
+def way(flown: Columns) -> Way:
+    seen: list[tuple[Any, ...]] = []
+    track = kinematics.track
+
+    def spy(*arguments: Any) -> Any:
+        seen.append(arguments)
+        return track(*arguments)
+
+    tables = {topic: made_table(topic, columns) for topic, columns in flown.items()}
+    with mock.patch.object(kinematics, "track", spy):
+        prepare("flight", tables, load("raptor90"))
+    drifting = Way(tuple(np.array(item) if isinstance(item, np.ndarray) else item for item in seen[-1]))
+    values, stds = drifting.arguments[6], drifting.arguments[7]
+    # a filter that corrects nothing expects what it would be told: then every innovation is nought
+    expected = values - drifting.answer(stds=np.full_like(stds, 1e9))[:, 0]
+    found = Way((*drifting.arguments[:6], expected, *drifting.arguments[7:]))
+    kinematics.track(*found.arguments)
+    assert np.abs(found.arguments[20][:, 0]).max() < 1e-6
+    return found
+
+
+@pytest.mark.parametrize("channel", ["gps.e", "gps.vu", "baro.altitude", "sonar.range", "mag.my", "pad.x", "pad.angle"])
+def test_a_changed_sensor_is_what_the_whole_filter_makes_of_it(way: Way, channel: str) -> None:
+    kinds, times, values, stds = way.arguments[4:8]
+    own = kinds == kinematics.CHANNELS.index(channel)
+    assert own.sum() > 50
+    dz = np.where(own, stds * np.sin(1.3 * times + 0.4), 0.0)
+    nodes = len(way.arguments[3]) - 1
+    found = way.signature(dz, np.zeros((nodes, 3)), np.zeros((nodes, 3)))
+    right = (way.whitened(values=values + TOUCH * dz) - way.whitened(values=values - TOUCH * dz)) / (2.0 * TOUCH)
+    assert near(found, right, 0.01)
+    share = found - dz / way.arguments[20][:, 1]
+    assert np.linalg.norm(share) > 0.05 * np.linalg.norm(found)  # what the state takes up
+    assert near(share, right - dz / way.arguments[20][:, 1], 0.02)
+
+
+@pytest.mark.parametrize("axis", range(6))
+def test_a_changed_inertial_sensor_is_what_the_whole_filter_makes_of_it(way: Way, axis: int) -> None:
+    imu_t, imu, edges = way.arguments[:3]
+    nodes = len(edges) - 1
+    slow = np.sin(0.9 * imu_t + 0.2)
+    per_node = np.add.reduceat(slow[: edges[-1]], edges[:-1]) / np.diff(edges)
+    df, dw = np.zeros((nodes, 3)), np.zeros((nodes, 3))
+    (df if axis < 3 else dw)[:, axis % 3] = per_node
+    found = way.signature(np.zeros(len(way.arguments[4])), df, dw)
+    size, change = 1e-4, np.zeros_like(imu)
+    change[:, axis] = slow
+    right = (way.whitened(imu=imu + size * change) - way.whitened(imu=imu - size * change)) / (2.0 * size)
+    assert near(found, right, 0.02)
+
+
+# --- what the model answers, against the whole sheet under a changed model --------------------------------------------
+
+KNOBS = {"mass": 0.05, "terms.main_rotor.thrust_scale": 0.01, "terms.ground_effect.gain": 0.2, "terms.drag.linear": 0.1,
+         "terms.servo.tau": 0.005, "inertia.2": 0.01}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def sheet(flown: Columns) -> Sheet:
+    vehicle = load("raptor90")
+    flight = prepare("flight", {topic: made_table(topic, columns) for topic, columns in flown.items()}, vehicle)
+    model = Model(vehicle)
+    found = Sheet(model, flight, [CATALOGUE["imu_bias"], CATALOGUE["baro_drift"]], list(KNOBS))
+    found.linearise()
+    found.whiten(Noise())
+    return found
+
+
+@pytest.mark.parametrize("key", KNOBS)
+def test_the_signature_of_a_number_is_what_the_innovations_lose_by_it(sheet: Sheet, key: str) -> None:
+    """Rows are r = J theta + e: a model that has theta already leaves r - J theta."""
+    knob, step = sheet.model.knobs[key], KNOBS[key]
+    moved = sheet.residual({key: knob.nominal + step}) - sheet.residual({})
+    assert np.linalg.norm(moved) > 0.0
+    assert near(-step * sheet.columns[key], moved, 0.1)
+
+
+@pytest.mark.parametrize("axis", range(2))
+def test_the_signature_of_wind_is_what_the_innovations_lose_by_it(sheet: Sheet, axis: int) -> None:
+    calm, before = sheet.residual({}), sheet.wind
+    try:
+        sheet.wind = before + 0.3 * np.eye(3)[axis]
+        moved = sheet.residual({}) - calm
+    finally:
+        sheet.wind = before
+    assert near(-0.3 * sheet.columns[("wind.e", "wind.n")[axis]], moved, 0.1)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_the_signature_of_a_force_that_a_sensor_adds_is_what_the_innovations_gain_by_it(
+    sheet: Sheet, axis: int
+) -> None:
+    size, flight = 0.05, sheet.flight
+    measured = flight.measured.copy()
+    measured[:, axis] += size
+    calm = judge(flight, sheet.wind, sheet._driven.answer, sheet.gust, sheet.noise).residual
+    moved = judge(replace(flight, measured=measured), sheet.wind, sheet._driven.answer, sheet.gust, sheet.noise)
+    change = np.concatenate([np.zeros(len(flight.motion.kinds)), (moved.residual - calm).ravel()])
+    change[~sheet._late] = 0.0
+    assert near(size * sheet.columns[f"local.force_{axis}"], change, 1e-6)
+
+
+# --- gusts and locals taken out, against dense algebra ----------------------------------------------------------------
+
+
+def test_taking_out_gusts_is_the_likelihood_with_all_gusts_integrated_over() -> None:
+    """The filter's sum of squares and determinants against the covariance of everything measured, written out."""
+    rng, nodes, noise = np.random.default_rng(8), 12, Noise()
+    keep, sigma = noise.keep(STEP), np.array(noise.gust_std)
+    model, measured = rng.normal(size=(2, nodes, 7))
+    gust = rng.normal(size=(nodes, 7, 3))
+    gains, spreads, out = np.zeros((nodes, 7, 7)), np.zeros((nodes, 7)), np.zeros((nodes, 7))
+    found = innovations(model, measured, gust, STEP, keep, sigma, np.array(noise.process), np.array(noise.noise),
+                        gains, spreads, out)  # fmt: skip
+    # unknowns in order: gusts (nodes, 3), steps of rates and rotor speed (nodes - 1, 4), error of their first reading
+    far = np.abs(np.arange(nodes)[:, None] - np.arange(nodes))
+    blocks = [np.kron(keep**far, np.diag(sigma**2)), np.kron(np.eye(nodes - 1), np.diag(np.square(noise.process[3:]))),
+              np.diag(np.square(noise.noise[3:]))]  # fmt: skip
+    prior = block_diag(*blocks)
+    rows: list[Floats] = []
+    left: list[float] = []
+    levels: list[float] = []
+    for n in range(nodes):
+        for k in range(3):
+            row = np.zeros(len(prior))
+            row[3 * n : 3 * n + 3] = gust[n, k]
+            rows, left, levels = [*rows, row], [*left, measured[n, k] - model[n, k]], [*levels, noise.noise[k]]
+        for k in range(3, 7):
+            if n == 0:
+                continue
+            row = np.zeros(len(prior))
+            for m in range(1, n + 1):
+                row[3 * m : 3 * m + 3] = STEP * gust[m, k]
+                row[3 * nodes + 4 * (m - 1) + k - 3] = 1.0
+            row[3 * nodes + 4 * (nodes - 1) + k - 3] = 1.0
+            grown = measured[0, k] + STEP * model[1 : n + 1, k].sum()
+            rows, left, levels = [*rows, row], [*left, measured[n, k] - grown], [*levels, noise.noise[k]]
+    h, r = np.array(rows), np.array(left)
+    covariance = h @ prior @ h.T + np.diag(np.square(levels))
+    assert found == pytest.approx(r @ np.linalg.solve(covariance, r) + np.linalg.slogdet(covariance)[1], rel=1e-9)
+
+
+def test_locals_are_eliminated_as_a_dense_solve_has_it() -> None:
+    rng, flights = np.random.default_rng(9), []
+    for count in (30, 40):
+        flights.append(Rows(
+            rng.normal(size=count), {key: rng.normal(size=count) for key in "ab"}, rng.normal(size=(count, 3)),
+            rng.uniform(0.1, 2.0, 3), np.zeros(count, int), np.arange(count, dtype=float), rng.normal(size=3),
+        ))  # fmt: skip
+    found = stack(flights, ("a", "b"))
+    information, score, square, logs = np.zeros((2, 2)), np.zeros(2), 0.0, 0.0
+    for f in flights:
+        covariance = np.eye(len(f.residual)) + f.local @ np.diag(f.local_std**2) @ f.local.T
+        j, r = np.column_stack([f.signatures["a"], f.signatures["b"]]), f.residual + f.local @ f.at
+        information += j.T @ np.linalg.solve(covariance, j)
+        score += j.T @ np.linalg.solve(covariance, r)
+        square += float(r @ np.linalg.solve(covariance, r))
+        logs -= 0.5 * float(np.linalg.slogdet(covariance)[1])
+    assert np.allclose(found.information, information)
+    assert np.allclose(found.score, score)
+    assert found.square == pytest.approx(square)
+    assert found.log_local == pytest.approx(logs)
