@@ -40,6 +40,7 @@ class CameraSpec:
     # what an extended vehicle file knows to be wrong, of what flies; who sees with the camera does not look at it
     focal_scale: float = 1.0  # true focal length (that of `model`) over the one taken
     stamp_delay: float = 0.0  # [s] by which stamps are late
+    k1_error: float = 0.0  # by which the true lens's k1 (that of `model`) exceeds the one taken
 
 
 @dataclass(frozen=True, eq=False)

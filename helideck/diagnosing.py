@@ -49,6 +49,11 @@ class Answer:
     def document(self) -> dict[str, Any]:
         """The document of `--json`."""
         found = asdict(self.verdict)
+        for cause in found["causes"]:
+            topic = cause.pop("topic")
+            if topic is not None:
+                empty = dict.fromkeys(("nominal", "std", "ci95", "unit"))
+                cause["parameters"]["topic"] = {"value": topic} | empty
         found["heldout"] = None if self.gain is None else heldout_document(self.gain)
         for key, name in (("report", "report.html"), ("recording", "replay.rrd")):
             found[key] = str(self.folder / name) if (self.folder / name).is_file() else None

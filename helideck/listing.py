@@ -49,11 +49,11 @@ def navigators() -> dict[str, str]:
 
 def causes() -> dict[str, str]:
     """Causes that `helideck diagnose` may name."""
-    from identification.causes import CATALOGUE
+    from identification.causes import TOLD
 
     return {
         name: f"{cause.where}: {cause.about}; " + ", ".join(f"{p.name} [{p.unit}]" for p in cause.parameters)
-        for name, cause in CATALOGUE.items()
+        for name, cause in TOLD.items()
     }
 
 

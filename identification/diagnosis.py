@@ -127,7 +127,7 @@ def _asserted(search: Search, best: Names, name: str) -> Asserted:
         parameters=_parameters(search, best, name),
         gain=None,
         confusable_with=others,
-        split_by=next((cause.split_by[other] for other in others if other in cause.split_by), None),
+        split_by=next((text for other in others if (text := cause.split_by.get(other.partition("#")[0]))), None),
     )
 
 

@@ -11,7 +11,7 @@ from identification.causes import CATALOGUE, Cause, Change
 from identification.declared import declared, offsets
 from identification.drive import Driven, Noise, gust_slopes, judge
 from identification.flight import SETTLED, Flight
-from identification.grid import turned
+from identification.grid import sheared, turned
 from identification.model import Model, tolerance_of
 from identification.noise_fit import Settled
 from identification.stack import Rows
@@ -25,10 +25,16 @@ DRIVEN = 100  # number of the first channel of the model's; below stand those of
 QUICK = (
     "terms.servo.delay", "terms.servo.tau", "terms.servo.rate_limit", "terms.flapping", "terms.hub", "inertia",
     "terms.deadband", "terms.cg_offset", "rotor.nominal_speed", "sensors.imu.position", "terms.main_rotor.inflow_mass",
+    "terms.rotor_droop",
 )  # fmt: skip
 WIND_STEP = 0.5  # [m/s]
 RATE_STEP = 0.01  # [rad/s]
 WINDS = ("wind.e", "wind.n")
+# what the cause `wind` has in common for all flights, and the flight's own that shows alike
+SHARED = {"environment.wind_e": "wind.e", "environment.wind_n": "wind.n", "environment.wind_shear": "local.shear"}
+SHEAR, SHEAR_STEP = "environment.wind_shear", 0.3
+# of a flight's own shear: grass of 1 cm to scrub of 30 cm of roughness changes the profile below 10 m by so much
+SHEAR_STD = 0.3
 
 
 def testable(vehicle: Vehicle, topics: set[str]) -> tuple[list[Cause], dict[str, list[str]]]:
@@ -68,6 +74,15 @@ def wind_slopes(model: Model, flight: Flight, wind: Floats, at: Mapping[str, flo
     return {name: (runs[2 * i] - runs[2 * i + 1]) / (2.0 * WIND_STEP) for i, name in enumerate(WINDS)}
 
 
+def shear_slope(model: Model, flight: Flight, wind: Floats, at: Mapping[str, float]) -> Floats:
+    """Derivative (N, 7) of the answer by the shear of the mean wind."""
+    drives = [
+        replace(flight.drive, coarse=sheared(flight.drive.coarse, step)) for step in (SHEAR_STEP, -SHEAR_STEP)
+    ]
+    more, less = model.answers_on(drives, wind, at)
+    return np.asarray((more - less) / (2.0 * SHEAR_STEP))
+
+
 def rate_slopes(
     model: Model, flight: Flight, wind: Floats, rates: Mapping[str, Floats], at: Mapping[str, float]
 ) -> dict[str, Floats]:
@@ -99,7 +114,7 @@ class Sheet:
         self._late = (self.t >= flight.motion.t[0] + SETTLED) | ~early
         self.spread = float(model.vehicle.document["environment"]["wind_std"]["value"])
         self._sensors(causes, scalars, nodes)
-        self.wind: Floats = np.zeros(3)
+        self.wind: Floats = np.array([*model.vehicle.wind[:2], 0.0])  # about which all is linear; at 10 m
         self.columns: dict[str, Floats] = {}
 
     def _sensors(self, causes: Sequence[Cause], scalars: int, nodes: int) -> None:
@@ -112,8 +127,9 @@ class Sheet:
                 changes |= {p.key: change for p, change in zip(cause.parameters, found, strict=True)}
         known, stand_off = declared(flight, vehicle), offsets(flight, vehicle)
         changes |= {key: change for key, change, _ in known}
-        self.local_keys = [key for key, _, _ in (*known, *stand_off)]
-        self.local_std: Floats = np.array([self.spread, self.spread, *(std for _, _, std in (*known, *stand_off))])
+        self.local_keys = ["local.shear", *(key for key, _, _ in (*known, *stand_off))]
+        own = (std for _, _, std in (*known, *stand_off))
+        self.local_std: Floats = np.array([self.spread, self.spread, SHEAR_STD, *own])
         self._measured = {key: np.zeros((nodes, 7)) for key in changes}
         self._rates = {key: change.rate for key, change in changes.items() if change.rate is not None}
         dz = np.zeros((scalars, len(changes)))
@@ -144,6 +160,7 @@ class Sheet:
         """Take all slopes anew about some knobs' values (the nominal ones where not given) and the present wind."""
         self.at = {key: (at or {}).get(key, self.model.knobs[key].nominal) for key in self.keys}
         self.slopes = knob_slopes(self.model, self.flight, self.wind, self.keys, self.at)
+        self.slopes[SHEAR] = self.slopes["local.shear"] = shear_slope(self.model, self.flight, self.wind, self.at)
         self.by_wind = wind_slopes(self.model, self.flight, self.wind, self.at)
         found = rate_slopes(self.model, self.flight, self.wind, self._rates, self.at)
         self.by_rate = found | {key: found[of] for key, of in self._same.items()}
@@ -171,8 +188,9 @@ class Sheet:
                 answer += self.by_rate[key] * value
             if key in self._measured:
                 seen += self._measured[key] * value
-        for i, name in enumerate(WINDS):
-            answer += self.by_wind[name] * (local[i] - self.wind[i])
+        usual = self.model.vehicle.wind
+        for i, (name, key) in enumerate(zip(WINDS, SHARED, strict=False)):
+            answer += self.by_wind[name] * (usual[i] + values.get(key, 0.0) + local[i] - self.wind[i])
         # a rate or speed that a sensor adds to is, for the answer, its change
         answer[:, :3] += seen[:, :3]
         answer[1:, 3:] += np.diff(seen[:, 3:], axis=0) / self.flight.motion.step
@@ -186,6 +204,7 @@ class Sheet:
         self.columns |= self._columns(found, {})
 
     def _columns(self, model: Mapping[str, Floats], measured: Mapping[str, Floats]) -> dict[str, Floats]:
+        model = {key: slope for key, slope in model.items() if key not in SHARED}
         keys = [*model, *measured]
         if not keys:
             return {}
@@ -201,7 +220,7 @@ class Sheet:
             column = np.concatenate([self._above.get(key, empty), below[:, c]])
             column[~self._late] = 0.0
             found[key] = column
-        return found
+        return found | {key: found[own] for key, own in SHARED.items() if own in found}
 
     def residual(self, knobs: Mapping[str, float]) -> Floats:
         """Whitened innovations (R,) with some knobs changed; zero where they do not count."""
@@ -215,7 +234,7 @@ class Sheet:
         local = np.column_stack([self.columns[key] for key in (*WINDS, *self.local_keys)])
         own = {key: c for key, c in self.columns.items() if key not in WINDS and key not in self.local_keys}
         at = np.zeros(len(self.local_std))
-        at[:2] = self.wind[:2]
+        at[:2] = self.wind[:2] - self.model.vehicle.wind[:2]
         return Rows(residual, own, local, self.local_std, self.channel, self.t, at)
 
 

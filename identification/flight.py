@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from flightlog.atmosphere import SURFACE_PRESSURE, SURFACE_TEMPERATURE, density_at, pressure_at
 from flightlog.camera import DOWN
@@ -25,6 +26,7 @@ Ints = NDArray[np.int64]
 STEP = 0.04  # [s] of a node: a turn of the rotor, so that its vibration has no mean
 NEEDED = ("imu", "controls", "rotor")
 CLEAR = 0.08  # [m] of the skids above the ground while a flight is looked at
+AFTERMATH = 0.6  # [s] that a touch of the ground shakes
 SETTLED = 1.0  # [s] until the filter knows where it is
 LEAST_SAMPLES = 40  # to take a noise level from
 LEAST_FACTOR = 0.4  # of the declared one
@@ -110,14 +112,18 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
         imu_t, samples, imu[:, 3:], rotor,
         np.asarray(tables["controls"]["t"], float), sticks,
     )  # fmt: skip
-    fine, coarse = (lay(course, edges, pressure, temperature, rough) for rough in (False, True))
+    fine, coarse = (lay(course, edges, pressure, temperature, rough, vehicle.wind[2]) for rough in (False, True))
     drive = Drive(fine, coarse, vehicle.sensors["imu"].position, pressure, temperature)
     measured = np.full((last, 7), np.nan)
     sums = np.add.reduceat(imu[: edges[-1]], edges[:-1])
     measured[:, :6] = sums / np.diff(edges)[:, None]
     measured[:, 6] = _means(np.asarray(speed["t"], float), np.asarray(speed["speed"], float), imu_t[edges])
+    thrust, touched = mass * measured[:, 2], _touched(skids[:last])
+    if touched.any():
+        measured[touched] = np.nan  # the ground's force is not the model's
+        notes.append(f"on or near the ground for {touched.sum() * STEP:.1f} s: force and moment not judged there")
     return Flight(
-        name, motion, drive, measured, mass * measured[:, 2], skids[:last],
+        name, motion, drive, measured, thrust, skids[:last],
         _echoes(tables, vehicle, motion), tuple(notes),
     )  # fmt: skip
 
@@ -397,6 +403,12 @@ def _airborne(skids: Floats) -> int:
     """Nodes until the skids touch for good."""
     clear = np.flatnonzero(skids > CLEAR)
     return int(clear[-1]) + 1 if len(clear) else 0
+
+
+def _touched(skids: Floats) -> NDArray[np.bool_]:
+    """(N,) where the skids may stand on the ground, and what comes close before and after."""
+    near = skids < CLEAR
+    return np.asarray(uniform_filter1d(near.astype(float), 2 * round(AFTERMATH / STEP) + 1) > 1e-9)
 
 
 def _cut(m: Motion, nodes: int) -> Motion:

@@ -12,7 +12,7 @@ from scipy.ndimage import convolve1d
 
 from flightlog.atmosphere import density_at
 from sim.schedule import TICK
-from sim.wind.mean import mean_speed
+from sim.wind.mean import sheared_speed
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -69,8 +69,10 @@ def smooth(values: Floats, samples: int) -> Floats:
     return np.asarray(2.0 * once - convolve1d(once, weights, axis=0, mode="nearest"))
 
 
-def lay(course: Course, edges: Ints, pressure: float, temperature: float, coarse: bool) -> Grid:
-    """A grid from a course; edges (N + 1,): inertial sample at which each node begins.
+def lay(
+    course: Course, edges: Ints, pressure: float, temperature: float, coarse: bool, shear: float = 1.0
+) -> Grid:
+    """A grid from a course; edges (N + 1,): inertial sample at which each node begins; shear: of the mean wind.
 
     A node's ticks are those that end with one of its samples or between it and the sample before.
     """
@@ -105,7 +107,7 @@ def lay(course: Course, edges: Ints, pressure: float, temperature: float, coarse
     table[:, ROTATION : ROTATION + 9] = rotations(turned)
     table[:, HEIGHT] = motion[:, 2]
     table[:, DENSITY] = density_at(motion[:, 2], pressure, temperature)
-    table[:, SHARE] = [mean_speed(height, 1.0) for height in motion[:, 2]]
+    table[:, SHARE] = [sheared_speed(height, 1.0, shear) for height in motion[:, 2]]
     table[:, RATES : RATES + 3] = course.rates[index - 1] * (1.0 - part) + course.rates[index] * part
     table[:, ROTOR] = np.interp(middle, t, course.rotor)
     held = np.clip(np.searchsorted(course.sent_t, begin_t + 1e-9, side="right") - 1, 0, len(course.sent_t) - 1)
@@ -127,6 +129,13 @@ def turned(grid: Grid, rates: Floats) -> Grid:
     for axis in range(3):
         table[:, RATES + axis] += np.interp(ends - 0.5 * table[:, DT], middle, rates[:, axis])
     return Grid(edges, table)
+
+
+def sheared(grid: Grid, more: float) -> Grid:
+    """The grid with `more` shear of the usual profile."""
+    table = grid.table.copy()
+    table[:, SHARE] += more * (np.array([sheared_speed(height, 1.0, 1.0) for height in table[:, HEIGHT]]) - 1.0)
+    return Grid(grid.edges, table)
 
 
 def rotations(q: Floats) -> Floats:

@@ -1,11 +1,13 @@
 """Helicopters: motion by the sensors, forces by the model along it."""
 
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flightlog.tables import Table
+from flightlog.units import to_si
 from identification import evidence as ev
 from identification import kinematics as k
 from identification import noise_fit
@@ -62,7 +64,7 @@ class HelicopterBench:
                 sheet.linearise()
                 sheet.whiten(self.noise)
                 _, local, _ = ev.solve(sheet.rows(sheet.residual({})), self.tolerances)
-                sheet.wind = np.array([*local[:2], 0.0])
+                sheet.wind = np.array([*(local[:2] + vehicle.wind[:2]), 0.0])
             sheet.linearise()
             sheet.whiten(self.noise)
         for _ in range(ROUNDS):
@@ -100,7 +102,7 @@ class HelicopterBench:
         knobs = self.model.knobs
         self._knob_keys = sorted({*(key for key in own if key in knobs), *(kn.key for kn in self.model.toleranced)})
         self.nominal: Mapping[str, float] = {
-            **{key: self._sensor_nominal(key, p.nominal) for key, p in own.items() if key not in knobs},
+            **{key: self._sensor_nominal(key, p.nominal, p.unit) for key, p in own.items() if key not in knobs},
             **{key: knobs[key].nominal for key in self._knob_keys},
         }
         self.units: Mapping[str, str] = {
@@ -110,12 +112,12 @@ class HelicopterBench:
         self.spreads: Mapping[str, float]
         self.tolerances, self.spreads = ev.priors(self.model, self.causes)
 
-    def _sensor_nominal(self, key: str, declared: float) -> float:
+    def _sensor_nominal(self, key: str, declared: float, unit: str) -> float:
         """What the vehicle file says; what the cause declares where the file is silent."""
-        section, topic, name = key.split(".")
-        if section == "sensors" and topic in self.vehicle.sensors:
-            return float(self.vehicle.sensors[topic].numbers.get(name, declared))
-        return declared
+        entry: Any = self.vehicle.document
+        for part in key.split("."):
+            entry = entry.get(part) if isinstance(entry, Mapping) else None
+        return to_si(float(entry["value"]), entry["unit"], unit) if isinstance(entry, Mapping) else declared
 
     def _moved(self, sheet: Sheet, key: str, knobs: Mapping[str, float]) -> bool:
         """Whether a slope was taken too far from where the model is now."""
@@ -134,7 +136,8 @@ class HelicopterBench:
         settled = []
         for i, sheet in enumerate(self.sheets):
             _, local, _ = ev.solve(self.rows(i, reached), {})
-            sheet.wind = np.array([*local[:2], 0.0])
+            shared = [reached.get(key, usual) for key, usual in zip(ev.SHARED, self.vehicle.wind[:2], strict=False)]
+            sheet.wind = np.array([*(local[:2] + shared), 0.0])
             sheet.linearise(knobs)
             sensors = {key: reached[key] - self.nominal[key] for key in reached if key not in knobs}
             settled.append(sheet.settled(sensors, local))

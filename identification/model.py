@@ -30,6 +30,7 @@ NEUTRAL: Mapping[str, Mapping[str, float]] = {
     "deadband": {"width": 0.0},
     "vortex_ring": {"depth": 0.0},
     "cg_offset": {"x": 0.0, "y": 0.0, "z": 0.0},
+    "rotor_droop": {"droop": 0.0},
 }
 
 # numbers of the vehicle file beside its terms, and where they stand: fields of GEOMETRY, and the sensor's arm
@@ -180,6 +181,7 @@ STEPS = {
     "terms.cg_offset.z": 0.01,
     "terms.servo.delay": 0.008,
     "terms.fuel.rate": 2e-4,
+    "terms.rotor_droop.droop": 0.03,
 }
 
 

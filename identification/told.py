@@ -24,7 +24,10 @@ def told(verdict: Verdict, causes: Mapping[str, Cause]) -> Verdict:
     return replace(
         verdict,
         causes=[
-            replace(found, name=title(found.name), confusable_with=others(found), parameters=_parameters(found, causes))
+            replace(
+                found, name=title(found.name), confusable_with=others(found), parameters=_parameters(found, causes),
+                topic=causes[found.name].topic if found.name in causes else None,
+            )
             for found in verdict.causes
         ],
         candidates=[replace(candidate, name=title(candidate.name)) for candidate in verdict.candidates],

@@ -8,6 +8,7 @@ from flightlog.camera import DOWN
 from flightlog.constants import GRAVITY
 from flightlog.rotations import matrix
 from identification import kinematics as k
+from identification.causes.contract import Change
 from identification.flight import Flight
 from sim.vehicle import Vehicle
 from sim.world import MAGNETIC_FIELD
@@ -89,3 +90,13 @@ def late(flight: Flight, vehicle: Vehicle, topic: str) -> Floats:
     """(M,) what a topic shows if it is one second later than its stamp says, to first order."""
     found = slopes(flight, vehicle)
     return scalars(flight, *((kind, -found[kind]) for kind in TOPICS[topic]))
+
+
+def inertial_late(flight: Flight) -> Change:
+    """What the inertial sensor shows if it is one second later than its stamp says, to first order.
+
+    Slopes of what was measured, symmetric about each node: a node's own noise has no part in them.
+    """
+    seen = uniform_filter1d(flight.measured[:, :6], SMOOTH, axis=0)
+    slope = np.gradient(seen, flight.motion.t, axis=0)
+    return Change(force=-slope[:, :3], rate=-slope[:, 3:])

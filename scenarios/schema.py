@@ -65,6 +65,7 @@ class WeatherTable(Strict):
 
     wind_m_s: float = Field(default=1.5, ge=0, le=25)
     wind_from_deg: Degrees = 250.0
+    wind_shear: float = Field(default=1.0, ge=-2, le=5)  # of the usual profile over the height; 0: none
     # dryden: as strong as belongs to the mean wind; the classes of MIL-F-8785C: as in 15, 30 and 45 knots of it
     turbulence: Turbulence = "dryden"
     temperature_degC: float = Field(default=15.0, ge=-40, le=55)
@@ -87,6 +88,7 @@ class WeatherTable(Strict):
             turbulence=self.turbulence,
             temperature=self.temperature_degC + 273.15,
             pressure=self.pressure_hPa * 100.0,
+            shear=self.wind_shear,
         )
 
 

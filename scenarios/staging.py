@@ -14,6 +14,7 @@ from scenarios.schema import SENSOR_TABLES, Scenario
 from sim.cameras.rendering import RenderProcess
 from sim.randomness import generator
 from sim.vehicle import Vehicle
+from sim.weather import Weather
 from sim.world import Start, World
 
 PADS: dict[str, Mark | None] = {"h": HMark(), "ring": RingMark(), "none": None}
@@ -28,7 +29,7 @@ def make_world(scenario: Scenario, seeds: np.random.SeedSequence, vehicle: Vehic
     tables = {topic: getattr(scenario.sensors, topic) for topic in SENSOR_TABLES}
     return World(
         vehicle,
-        weather=scenario.weather.weather(),
+        weather=_weather(scenario, vehicle),
         light=scenario.light.light(),
         scene=scenario.scene,
         dip=scenario.horizon_dip,
@@ -46,6 +47,16 @@ def make_equipment(scenario: Scenario, aboard: Vehicle, world: World) -> Equipme
     pressure, temperature = world.pad_reading
     site = replace(world.site, surface_pressure=pressure, surface_temperature=temperature)
     return replace(aboard.equipment(PADS[scenario.pad], site), horizon_dips=scenario.horizon_dip)
+
+
+def _weather(scenario: Scenario, vehicle: Vehicle) -> Weather:
+    """The scenario's; where it says nothing of the wind and the vehicle file knows one, that."""
+    weather, said = scenario.weather.weather(), scenario.weather.model_fields_set
+    east, north, shear = vehicle.wind
+    if (east or north) and not said & {"wind_m_s", "wind_from_deg"}:
+        blows = math.hypot(east, north)
+        weather = replace(weather, wind=blows, wind_from=math.atan2(-east, -north) % (2.0 * math.pi))
+    return weather if "wind_shear" in said else replace(weather, shear=shear)
 
 
 def _start(scenario: Scenario, seeds: np.random.SeedSequence) -> Start:

@@ -74,12 +74,18 @@ class Camera(Strict):
     roll: Number | None = None  # right side down, against what it looks along
     pitch: Number | None = None  # nose up
     stamp_delay: Number | None = None  # by which stamps are late
+    k1: Number | None = None  # of the lens, beyond that of `distortion`
 
 
 class Environment(Strict):
     """The weather expected where this vehicle flies; `diagnose` takes it as the null."""
 
     wind_std: Number
+    # mean wind at 10 m that a diagnosis found, where the air moves to, and its profile; scenarios that say nothing of
+    # the wind have it
+    wind_e: Number | None = None
+    wind_n: Number | None = None
+    wind_shear: Number | None = None
 
 
 class VehicleFile(Strict):
@@ -121,6 +127,7 @@ class Vehicle:
     parameters: Mapping[str, Mapping[str, float]]  # by term and name
     sensors: Mapping[str, Fitted]  # by topic
     cameras: Mapping[str, CameraSpec]
+    wind: tuple[float, float, float] = (0.0, 0.0, 1.0)  # [m/s] mean at 10 m where the air moves to, e and n; its shear
 
     def site(self, surface_pressure: float, surface_temperature: float, magnetic_field: Floats) -> Site:
         """What the sensors need to know of the place and of this vehicle."""
@@ -243,6 +250,14 @@ def _resolve(path: Path, document: Mapping[str, Any], settings: Collection[str] 
         known = sensors.CATALOGUE[topic].PARAMETERS
         fitted[topic] = Fitted(reader.declared(f"sensors.{topic}", numbers, known), position)
 
+    air = file.environment
+    wind = [
+        reader.scalar(number, unit, f"environment.wind_{name}") if number else usual
+        for name, number, unit, usual in (
+            ("e", air.wind_e, "m/s", 0.0), ("n", air.wind_n, "m/s", 0.0), ("shear", air.wind_shear, "1", 1.0)
+        )
+    ]  # fmt: skip
+
     mjcf = path.parent / file.model
     if not mjcf.is_file():
         mjcf = assets.path("vehicles", file.model)
@@ -263,6 +278,7 @@ def _resolve(path: Path, document: Mapping[str, Any], settings: Collection[str] 
         },
         sensors=fitted,
         cameras={name: _camera(reader, f"cameras.{name}", camera) for name, camera in file.cameras.items()},
+        wind=(wind[0], wind[1], wind[2]),
     )
 
 
@@ -281,6 +297,7 @@ def _camera(reader: Reader, key: str, camera: Camera) -> CameraSpec:
     delay = reader.scalar(camera.stamp_delay, "s", f"{key}.stamp_delay") if camera.stamp_delay else 0.0
     distortion = reader.vector(camera.distortion, "1", f"{key}.distortion", 5) if camera.distortion else np.zeros(5)
     k1, k2, p1, p2, k3 = distortion.tolist()
+    k1_error = reader.scalar(camera.k1, "1", f"{key}.k1") if camera.k1 else 0.0
     model = CameraModel(
         camera.width,
         camera.height,
@@ -288,7 +305,7 @@ def _camera(reader: Reader, key: str, camera: Camera) -> CameraSpec:
         focal * reader.scalar(camera.fy, "px", f"{key}.fy", positive=True),
         (camera.width - 1) / 2,
         (camera.height - 1) / 2,
-        (k1, k2, p1, p2, k3),
+        (k1 + k1_error, k2, p1, p2, k3),
     )
     rate = reader.scalar(camera.rate, "Hz", f"{key}.rate", positive=True)
     latency = reader.scalar(camera.latency, "s", f"{key}.latency")
@@ -296,4 +313,6 @@ def _camera(reader: Reader, key: str, camera: Camera) -> CameraSpec:
         reader.fail(f"{key}.latency", f"must lie in 0 .. 2 s (got {latency:g})")
     if not -0.5 <= delay <= 1.0:
         reader.fail(f"{key}.stamp_delay", f"must lie in -0.5 .. 1 s (got {delay:g})")
-    return CameraSpec(rate, latency, model, mount, camera.colour, focal, delay)
+    if not -1.0 <= k1_error <= 1.0:
+        reader.fail(f"{key}.k1", f"must lie in -1 .. 1 (got {k1_error:g})")
+    return CameraSpec(rate, latency, model, mount, camera.colour, focal, delay, k1_error)

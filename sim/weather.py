@@ -15,3 +15,4 @@ class Weather:
     turbulence: Turbulence = "dryden"  # dryden: as strong as belongs to the mean wind
     temperature: float = 288.15  # [K] at the pad
     pressure: float = 101_325.0  # [Pa] at the pad
+    shear: float = 1.0  # of the mean wind over the height; 1: the usual profile, 0: none

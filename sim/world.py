@@ -34,7 +34,7 @@ from sim.scene import MAIN_ROTOR, TAIL_ROTOR, CompiledScene
 from sim.schedule import TICK, InTransit, Schedule
 from sim.sensors.barometer import Barometer
 from sim.sensors.contract import Sensor, Truth
-from sim.sensors.faults import Fault
+from sim.sensors.faults import Fault, stamped
 from sim.sensors.flow_camera import FlowCamera
 from sim.sensors.pad_camera import PadCamera
 from sim.terms.contract import GEOMETRY, SIGNALS, Term
@@ -337,8 +337,9 @@ class World:
             if mark is None:
                 self._sensors[topic] = FlowCamera(*args, camera=camera.model, mount=camera.mount)
             else:
-                numbers["scale"] = numbers.get("scale", 1.0) / camera.focal_scale  # a longer lens brings the mark near
+                numbers["focal_scale"] = numbers.get("focal_scale", 1.0) * camera.focal_scale
                 numbers["delay"] = numbers.get("delay", 0.0) + camera.stamp_delay
+                numbers["k1"] = numbers.get("k1", 0.0) + camera.k1_error
                 self._sensors[topic] = PadCamera(*args, camera=camera.model, mount=camera.mount, mark=mark)
         rates = {topic: sensor.numbers["rate"] for topic, sensor in self._sensors.items()}
         if rendered:
@@ -360,6 +361,9 @@ class World:
                 continue
             sensor = self._sensors[name]
             sample = sensor.sample(self.truth)
+            ahead = sensor.numbers.get("clock", 0.0)
+            if sample is not None and ahead:
+                sample = stamped(sample, ahead)
             for fault in self._faults:
                 if sample is not None and fault.topic == name:
                     sample = fault.apply(sample, self.truth.t, self._fault_generator)

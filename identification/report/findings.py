@@ -40,7 +40,7 @@ def _told(cause: Asserted) -> str:
         f"{name} {value(p.value, p.std)} {'' if p.unit == '1' else p.unit + ' '}(model: {p.nominal:.4g})"
         for name, p in cause.parameters.items()
     )
-    text = f"{cause.name} ({cause.where}), {values}"
+    text = f"{cause.name}{'' if cause.topic is None else ' of ' + cause.topic} ({cause.where}), {values}"
     if cause.confusable_with:
         text += f", not to be told from {', '.join(cause.confusable_with)} on these flights"
     if cause.gain is not None:

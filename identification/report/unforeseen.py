@@ -81,7 +81,7 @@ def foreseen(bench: HelicopterBench, flight: int, fit: Refit) -> Floats:
     scaled = rows.local * rows.local_std
     solved = rows.local_std * np.linalg.solve(np.eye(scaled.shape[1]) + scaled.T @ scaled, scaled.T @ residual)
     nothing = np.zeros(len(solved))
-    nothing[:2] = sheet.wind[:2]
+    nothing[:2] = sheet.wind[:2] - bench.vehicle.wind[:2]
     moved = sheet.settled(errors, solved).answer - sheet.settled({}, nothing).answer
     return np.asarray(sheet.driven(knobs).answer + moved)
 

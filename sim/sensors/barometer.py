@@ -24,7 +24,7 @@ from flightlog.constants import GAS_CONSTANT, GRAVITY, LAPSE_RATE
 from flightlog.signals import BaroSample
 from sim.parameters import Parameter
 from sim.sensors.contract import Floats, Site, Truth
-from sim.sensors.device import LATENCY, RATE, Device
+from sim.sensors.device import CLOCK, LATENCY, RATE, Device
 from sim.sensors.noise import Normals, gauss_markov
 
 
@@ -35,6 +35,7 @@ class Barometer(Device):
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         RATE,
         LATENCY,
+        CLOCK,
         Parameter("noise", "m", 0.0, 10.0, "white noise"),
         Parameter("bias_std", "m", 0.0, 20.0, "change between the pad's reading and the start, drawn per flight"),
         Parameter("drift_std", "m", 0.0, 20.0, "Gauss-Markov drift in flight, zero at the start"),

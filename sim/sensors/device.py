@@ -11,6 +11,7 @@ from sim.sensors.contract import Floats, Site
 
 RATE = Parameter("rate", "Hz", 1.0, 500.0, "samples a second; divides 500")
 LATENCY = Parameter("latency", "s", 0.0, 2.0, "from the time of validity to the arrival", 0.0)
+CLOCK = Parameter("clock", "s", -1.0, 5.0, "by which the device's clock is ahead: its stamps are late", 0.0)
 
 
 class Numbers(dict[str, float]):

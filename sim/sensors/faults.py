@@ -43,6 +43,12 @@ def _with(sample: Any, column: str, value: float) -> Measurement:
     return changed
 
 
+def stamped(sample: Any, late: float) -> Measurement:
+    """`sample` with its times moved by `late` [s]."""
+    moved: Any = _with(sample, "t", sample.t + late)
+    return _with(moved, "t_arrival", moved.t_arrival + late) if hasattr(moved, "t_arrival") else moved
+
+
 @dataclass(kw_only=True)
 class Stuck(_Span):
     """A column keeps the value that it had when the fault began."""
@@ -126,12 +132,7 @@ class ClockOffset(_Span):
     def apply(self, sample: Measurement, t: float, rng: np.random.Generator) -> Measurement | None:
         """`sample` with its time stamps moved."""
         del rng
-        if not self.acts(t):
-            return sample
-        stamped: Any = _with(sample, "t", sample.t + self.delay)
-        if hasattr(stamped, "t_arrival"):
-            stamped = _with(stamped, "t_arrival", stamped.t_arrival + self.delay)
-        return stamped  # type: ignore[no-any-return]
+        return stamped(sample, self.delay) if self.acts(t) else sample
 
 
 COLUMN_FAULTS: dict[str, type[Stuck] | type[Offset] | type[Ramp] | type[Spike]] = {

@@ -16,7 +16,7 @@ from flightlog.rotations import from_vector, matrix
 from flightlog.signals import ImuSample
 from sim.parameters import Parameter
 from sim.sensors.contract import Floats, Site, Truth
-from sim.sensors.device import LATENCY, RATE, Device, Numbers
+from sim.sensors.device import CLOCK, LATENCY, RATE, Device, Numbers
 
 AXES = ("fx", "fy", "fz", "wx", "wy", "wz")
 UNITS = {"f": "m/s^2", "w": "rad/s"}
@@ -76,6 +76,7 @@ class Imu(Device):
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         RATE,
         LATENCY,
+        CLOCK,
         Parameter("accel_noise", "m/s^2/sqrt(Hz)", 0.0, 0.1, "white noise density of the force, one-sided"),
         Parameter("gyro_noise", "rad/s/sqrt(Hz)", 0.0, 0.01, "white noise density of the rate, one-sided"),
         Parameter("accel_bias_std", "m/s^2", 0.0, 2.0, "turn-on bias left by the calibration, per flight and axis"),

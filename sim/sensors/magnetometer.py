@@ -11,7 +11,7 @@ import numpy as np
 from flightlog.signals import MagSample
 from sim.parameters import Parameter
 from sim.sensors.contract import Floats, Site, Truth
-from sim.sensors.device import LATENCY, RATE, Device
+from sim.sensors.device import CLOCK, LATENCY, RATE, Device
 from sim.sensors.noise import Normals, gauss_markov
 
 
@@ -22,6 +22,7 @@ class Magnetometer(Device):
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         RATE,
         LATENCY,
+        CLOCK,
         Parameter("noise", "uT", 0.0, 10.0, "white noise of an axis"),
         Parameter("bias_std", "uT", 0.0, 50.0, "hard iron left by the calibration, drawn per flight and axis"),
         Parameter("drift_std", "uT", 0.0, 10.0, "Gauss-Markov drift: currents and temperature"),

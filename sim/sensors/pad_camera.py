@@ -34,8 +34,11 @@ _OPEN_STD = 3.0  # [m], [rad]: what the front end says of a direction that no vi
 
 
 @numba.njit(cache=True)
-def _information(position, rotation, mount, axes, mark_axis, intrinsics, margin, samples):
+def _information(position, rotation, mount, axes, mark_axis, intrinsics, margin, samples, k1=0.0):
     """Centre of the mark in camera axes (3,), its angle, Fisher information (7, 7) at 1 px, share in the picture.
+
+    And the pull (7,) of a lens that moves every point outward by k1 of its squared distance from the axis, in the
+    information's order and unit.
 
     The information's order is x, y, z [m], angle [rad], tilt about the camera's x and y [rad], bleed [px].
     samples (N, 6): points of the outline and unit tangents in mark axes [m], length [m] that each stands for, and
@@ -57,6 +60,7 @@ def _information(position, rotation, mount, axes, mark_axis, intrinsics, margin,
     # azimuth of the mark's axis less that of image up, which is the camera's -y
     angle = math.atan2(mark_axis[0], mark_axis[1]) - math.atan2(-turn[0, 1], -turn[1, 1])
     information = np.zeros((7, 7))
+    pull = np.zeros(7)
     row = np.empty(7)
     seen = 0.0
     total = 0.0
@@ -96,13 +100,16 @@ def _information(position, rotation, mount, axes, mark_axis, intrinsics, margin,
         row[5] = jx * az - jz * ax  # e_y x arm
         row[6] = 1.0
         weight = pitch * length  # pixels of edge
+        outward = k1 * (tan_x * tan_x + tan_y * tan_y)
+        moved = outward * (nu * intrinsics[2] * tan_x + nv * intrinsics[3] * tan_y)  # [px] along the normal
         for i in range(7):
+            pull[i] += weight * moved * row[i]
             for j in range(i + 1):
                 information[i, j] += weight * row[i] * row[j]
     for i in range(7):
         for j in range(i):
             information[j, i] = information[i, j]
-    return centre, angle, information, seen / total
+    return centre, angle, information, pull, seen / total
 
 
 @numba.njit(cache=True)
@@ -127,12 +134,14 @@ def _inverse(a):
 
 @numba.njit(cache=True)
 def _solve(
-    information, edge_noise, predicted_std, predicted_angle_std, tilt_std, bleed_std, tilt_x, tilt_y, bleed, normal
+    information, pull, edge_noise, predicted_std, predicted_angle_std, tilt_std, bleed_std, tilt_x, tilt_y, bleed,
+    normal,
 ):
     """One draw (4,) of the pose's error and the variances (4,) that the front end states.
 
     The fit starts from a prediction, which holds what no edge measures; the stated variances leave it out. tilt and
-    bleed: how far they really are from what the fit takes for granted. normal: eleven numbers or more.
+    bleed: how far they really are from what the fit takes for granted. pull: see `_information`. normal: eleven numbers
+    or more.
     """
     scaled = information / (edge_noise * edge_noise)
     stated = scaled.copy()
@@ -150,7 +159,7 @@ def _solve(
     noise[4] += tilt_x / (tilt_std * tilt_std)
     noise[5] += tilt_y / (tilt_std * tilt_std)
     noise[6] += bleed / (bleed_std * bleed_std)
-    e = _inverse(held) @ noise
+    e = _inverse(held) @ (noise + pull / (edge_noise * edge_noise))
     covariance = _inverse(stated)
     return (e[0], e[1], e[2], e[3]), (covariance[0, 0], covariance[1, 1], covariance[2, 2], covariance[3, 3])
 
@@ -173,6 +182,29 @@ def _outline(mark: Mark) -> Floats:
             c, s = math.cos(angle), math.sin(angle)
             rows.append([x + radius * c, y + radius * s, -s, c, 2.0 * math.pi * radius / number, clearance])
     return np.array(rows)
+
+
+def by_lens(
+    positions: Floats, rotations: Floats, camera: CameraModel, mount: CameraMount, mark: Mark, n: Mapping[str, float]
+) -> Floats:
+    """What a k1 of one beyond the one taken adds to x, y, z [m] and angle [rad] as reported (N, 4), to first order.
+
+    positions (N, 3) [m] and rotations (N, 3, 3) body to world: from where the mark at the origin is looked at; n: the
+    front end's numbers by the names of `PadCamera.PARAMETERS`. Zero where no edge is in the picture.
+    """
+    intrinsics = np.array([camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy], dtype=float)
+    lens, axes = np.ascontiguousarray(mount.position, dtype=float), np.ascontiguousarray(mount.axes, dtype=float)
+    samples, north = _outline(mark), np.array([0.0, 1.0])
+    free = np.array([n["predicted_std"]] * 3 + [n["predicted_angle_std"]] + [n["tilt_std"]] * 2 + [n["bleed_std"]])
+    found = np.zeros((len(positions), 4))
+    for i, (position, rotation) in enumerate(zip(positions, rotations, strict=True)):
+        _, _, information, pull, visible = _information(
+            position, rotation, lens, axes, north, intrinsics, n["margin"], samples, 1.0
+        )
+        if visible > 0.0:
+            noise = n["edge_noise"] ** 2
+            found[i] = (_inverse(information / noise + np.diag(1.0 / free**2)) @ (pull / noise))[:4]
+    return found
 
 
 class PadCamera(Device):
@@ -200,6 +232,8 @@ class PadCamera(Device):
         Parameter("detection_share", "1", 0.0, 1.0, "of the pictures with a whole mark in which it is found"),
         Parameter("cut_detection_share", "1", 0.0, 1.0, "of the pictures with a cut mark in which it is found"),
         Parameter("scale", "1", 0.5, 2.0, "fixed scale, measured distance over true", 1.0),
+        Parameter("focal_scale", "1", 0.5, 2.0, "true focal length over the one taken", 1.0),
+        Parameter("k1", "1", -1.0, 1.0, "radial distortion of the lens beyond the one taken", 0.0),
         Parameter("delay", "s", 0.0, 1.0, "more latency than is known: the time stamps are late by this", 0.0),
     )
     ERRORS: ClassVar[tuple[tuple[str, str], ...]] = (
@@ -220,7 +254,8 @@ class PadCamera(Device):
     ) -> None:
         """`mount` holds what `position` says, and the axes; mark_heading [rad]: of its y axis, clockwise from north.
 
-        Lens distortion moves edges but hardly their number, so the camera is taken as a pinhole.
+        Lens distortion moves edges but hardly their number, so the camera is taken as a pinhole; what it moves them
+        by beyond the front end's own lens model is `k1`.
         """
         super().__init__(numbers, position, site, rng)
         self._mount: Floats = np.ascontiguousarray(mount.position, dtype=float)
@@ -248,9 +283,9 @@ class PadCamera(Device):
             tilt[i] = gauss_markov(tilt[i], 1.0, n["tilt_tau"], dt, slow[i])
         self._size = gauss_markov(self._size, 1.0, n["size_tau"], dt, size)
         self._error = (math.nan,) * 7
-        centre, angle, information, visible = _information(
+        centre, angle, information, pull, visible = _information(
             truth.position, truth.rotation, self._mount, self._axes, self._mark_axis, self._intrinsics, n["margin"],
-            self._samples,
+            self._samples, n["k1"],
         )  # fmt: skip
         x, y, z = centre.tolist()
         if visible < n["least_visible"] or visible == 0.0 or z < n["least_distance"]:
@@ -261,7 +296,8 @@ class PadCamera(Device):
             return None
         tilt_x, tilt_y = n["tilt_std"] * tilt[0], n["tilt_std"] * tilt[1]
         (ex, ey, ez, ea), (vx, vy, vz, va) = _solve(
-            information, n["edge_noise"], n["predicted_std"], n["predicted_angle_std"], n["tilt_std"], n["bleed_std"],
+            information, pull, n["edge_noise"], n["predicted_std"], n["predicted_angle_std"], n["tilt_std"],
+            n["bleed_std"],
             tilt_x, tilt_y, n["bleed_std"] * self._bleed, normal,
         )  # fmt: skip
         std_x, std_y = n["centre_noise"] * z / fx, n["centre_noise"] * z / fy
@@ -272,7 +308,7 @@ class PadCamera(Device):
         stretch = scale * (1.0 + std_share * self._size)
         seen_x = (x + ex) * stretch + std_x * jitter_x
         seen_y = (y + ey) * stretch + std_y * jitter_y
-        seen_z = (z + ez) * stretch
+        seen_z = (z + ez) * stretch / n["focal_scale"]  # a longer lens brings the mark near; it lies as far aside
         seen_angle = angle + ea + std_twist * twist
         self._error = (seen_x - x, seen_y - y, seen_z - z, seen_angle - angle, scale, tilt_x, tilt_y)
         t = truth.t + n["delay"]

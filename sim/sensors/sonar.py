@@ -15,7 +15,7 @@ import numpy as np
 from flightlog.signals import SonarSample
 from sim.parameters import Parameter
 from sim.sensors.contract import Floats, Site, Truth
-from sim.sensors.device import LATENCY, RATE, Device
+from sim.sensors.device import CLOCK, LATENCY, RATE, Device
 from sim.sensors.noise import Normals
 
 
@@ -26,6 +26,7 @@ class Sonar(Device):
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         RATE,
         LATENCY,
+        CLOCK,
         Parameter("least_range", "m", 0.0, 1.0, "nearest echo that the device can tell from its own pulse"),
         Parameter("greatest_range", "m", 0.5, 20.0, "farthest echo"),
         Parameter("noise_share", "1", 0.0, 0.5, "white noise over the range"),

@@ -14,7 +14,7 @@ import numpy as np
 from flightlog.signals import RotorSample
 from sim.parameters import Parameter
 from sim.sensors.contract import Floats, Site, Truth
-from sim.sensors.device import LATENCY, RATE, Device
+from sim.sensors.device import CLOCK, LATENCY, RATE, Device
 from sim.sensors.noise import Normals
 
 
@@ -25,6 +25,7 @@ class Tachometer(Device):
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         RATE,
         LATENCY,
+        CLOCK,
         Parameter("pulses", "1", 1.0, 1000.0, "for one turn of the main rotor"),
         Parameter("timer", "s", 0.0, 0.01, "resolution of a pulse's time stamp"),
         Parameter("noise_share", "1", 0.0, 0.5, "white noise over the speed: magnets not quite evenly placed"),

@@ -14,6 +14,7 @@ from sim.terms import (
     ground_effect,
     hub,
     main_rotor,
+    rotor_droop,
     servo,
     tail_rotor,
     vortex_ring,
@@ -37,5 +38,6 @@ CATALOGUE: Mapping[str, Term] = {
         deadband,
         vortex_ring,
         cg_offset,
+        rotor_droop,
     )
 }

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sim.weather import Weather
 from sim.wind import dryden
 from sim.wind.gust import Gust, shape
-from sim.wind.mean import FOOT, mean_speed
+from sim.wind.mean import FOOT, mean_speed, sheared_speed
 
 __all__ = ["Gust", "Wind"]
 
@@ -21,15 +21,15 @@ _BLOCK = 1024  # steps' worth of normals drawn at once
 
 @numba.njit(
     "void(float64[::1], float64[::1], float64[:, ::1], float64, float64, float64, float64, float64, float64, float64,"
-    " float64, float64[::1])",
+    " float64, float64, float64[::1])",
     cache=True,
 )
-def _air(x, normals, gusts, speed, stirring, wind_from, scale, height, airspeed, dt, t, air):  # type: ignore[no-untyped-def]
+def _air(x, normals, gusts, speed, shear, stirring, wind_from, scale, height, airspeed, dt, t, air):  # type: ignore[no-untyped-def]
     """Step the turbulence and write the air's velocity (3,) [m/s] ENU into `air`."""
     along, left, up = 0.0, 0.0, 0.0
     if scale > 0.0:
         along, left, up = dryden.step(x, normals, height, stirring, airspeed, dt)
-    along = scale * along + mean_speed(height, speed)
+    along = scale * along + sheared_speed(height, speed, shear)
     left *= scale
     east, north = -math.sin(wind_from), -math.cos(wind_from)
     air[0] = along * east - left * north
@@ -48,6 +48,7 @@ class Wind:
     def __init__(self, weather: Weather, generator: np.random.Generator, turbulence_scale: float = 1.0) -> None:
         """Turbulence of `weather` times `turbulence_scale`, drawn from `generator`."""
         self.speed = weather.wind  # [m/s] mean at 10 m
+        self.shear = weather.shear
         self.wind_from = weather.wind_from  # [rad] clockwise from north
         self.scale = 0.0 if weather.turbulence == "none" else turbulence_scale
         # mean wind at 10 m [m/s] that a class's strength belongs to; None: the wind that blows
@@ -75,7 +76,7 @@ class Wind:
 
     def mean(self, height: float) -> Floats:
         """Mean wind (3,) [m/s] ENU, where the air moves to, at `height` [m] above the ground."""
-        speed = mean_speed(height, self.speed)
+        speed = sheared_speed(height, self.speed, self.shear)
         return np.array([-speed * math.sin(self.wind_from), -speed * math.cos(self.wind_from), 0.0])
 
     def step(self, height: float, airspeed: float, dt: float, t: float) -> Floats:
@@ -90,7 +91,8 @@ class Wind:
         normals = self._normals[self._next]
         self._next += 1
         _air(
-            self._state, normals, self._gusts, self.speed, self.speed if self._stirring is None else self._stirring,
-            self.wind_from, self.scale, height, airspeed, dt, t, self._velocity,
+            self._state, normals, self._gusts, self.speed, self.shear,
+            self.speed if self._stirring is None else self._stirring, self.wind_from, self.scale, height, airspeed,
+            dt, t, self._velocity,
         )  # fmt: skip
         return self._velocity

@@ -18,3 +18,9 @@ def mean_speed(height, speed):  # type: ignore[no-untyped-def]
     if height <= ROUGHNESS:
         return 0.0
     return speed * math.log(height / ROUGHNESS) / math.log(REFERENCE / ROUGHNESS)
+
+
+@numba.njit(cache=True)
+def sheared_speed(height, speed, shear):  # type: ignore[no-untyped-def]
+    """The same where the difference from the wind at 10 m is `shear` times that of the profile; 0: no shear at all."""
+    return speed + shear * (mean_speed(height, speed) - speed)

@@ -1,0 +1,47 @@
+"""The down camera's lens bends more, or less, than it is taken to.
+
+Brown and Conrady's first radial coefficient: a point at r from the axis (tangent) is moved outward by k1 r^2 of r. A
+mark seen aside is moved along its ray and larger by 1 + 2 k1 r^2 in the mean; what a front end that weighs every
+pixel of edge makes of it is `sim.sensors.pad_camera.by_lens`. The mark's outline is in no log: an H of 1 m.
+"""
+
+import numpy as np
+
+from flightlog.marks import HMark
+from identification import kinematics as k
+from identification.causes.contract import Cause, Change, Parameter
+from identification.flight import Flight
+from identification.views import rotations
+from sim.sensors.pad_camera import by_lens
+from sim.vehicle import Vehicle
+
+EVERY = 5  # nodes: the picture changes slowly
+
+
+def changes(flight: Flight, vehicle: Vehicle) -> list[Change]:
+    """By where in the picture the mark is."""
+    motion, camera = flight.motion, vehicle.cameras["down"]
+    chosen = np.arange(0, len(motion.t), EVERY)
+    moved = by_lens(
+        motion.position[chosen], rotations(flight)[chosen], camera.model, camera.mount, HMark(),
+        vehicle.sensors["pad"].numbers,
+    )  # fmt: skip
+    scalars = np.zeros(len(motion.kinds))
+    for axis in range(4):
+        at = motion.kinds == k.PAD + axis
+        scalars[at] = np.interp(motion.times[at], motion.t[chosen], moved[:, axis])
+    return [Change(scalars)]
+
+
+CAUSE = Cause(
+    name="lens_distortion",
+    where="sensor",
+    parameters=(Parameter("k1", "1", "cameras.down.k1", 0.1),),
+    about="first radial coefficient of the down camera's lens, beyond the one taken",
+    needs=("pad",),
+    changes=changes,
+    split_by={
+        "camera_focal": "hovers with the mark in the middle and at the rim of the picture: a lens bends at the rim",
+        "camera_tilt": "hovers with the mark on both sides of the picture: a tilt moves it the same way",
+    },
+)
