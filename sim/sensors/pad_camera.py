@@ -297,8 +297,7 @@ class PadCamera(Device):
         tilt_x, tilt_y = n["tilt_std"] * tilt[0], n["tilt_std"] * tilt[1]
         (ex, ey, ez, ea), (vx, vy, vz, va) = _solve(
             information, pull, n["edge_noise"], n["predicted_std"], n["predicted_angle_std"], n["tilt_std"],
-            n["bleed_std"],
-            tilt_x, tilt_y, n["bleed_std"] * self._bleed, normal,
+            n["bleed_std"], tilt_x, tilt_y, n["bleed_std"] * self._bleed, normal,
         )  # fmt: skip
         std_x, std_y = n["centre_noise"] * z / fx, n["centre_noise"] * z / fy
         std_share = n["size_noise"] * 2.0 * z / (self._size_of_mark * math.sqrt(fx * fy))  # of the distance

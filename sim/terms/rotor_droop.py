@@ -4,8 +4,8 @@
 
 With an engine whose power goes with its throttle, P = Q Omega, and the throttle as it is, the speed at which the
 torques balance falls by the share `droop` for each hover torque: the droop of a governor (proportional, without
-integral) or of a carburettor's linkage that gives. Q_hover is that of momentum theory at a figure of merit of 0.6, the weight carried
-in the standard atmosphere at the nominal speed.
+integral) or of a carburettor's linkage that gives. Q_hover is that of momentum theory at a figure of merit of 0.6,
+the weight carried in the standard atmosphere at the nominal speed.
 """
 
 import math
