@@ -24,11 +24,16 @@ LONGEST_STEP = 0.01  # [s]
 class Moving:
     """A rig with its numbers put in, ready to run."""
 
-    def __init__(self, rig: Rig, dt: float, changes: Mapping[str, float] | None = None) -> None:
-        """`dt` [s]: between two rows of inputs and of states; changes: numbers that are not the rig's own."""
+    def __init__(
+        self, rig: Rig, dt: float, changes: Mapping[str, float] | None = None, longest: float = LONGEST_STEP
+    ) -> None:
+        """`dt` [s]: between two rows of inputs and of states; changes: numbers that are not the rig's own.
+
+        longest [s]: of the steps between; what drives the joints acts half of one early.
+        """
         self.rig, self.dt = rig, dt
         self.values = rig.values(changes)
-        self.substeps = max(1, math.ceil(dt / LONGEST_STEP - 1e-9))
+        self.substeps = max(1, math.ceil(dt / longest - 1e-9))
         self.model = self._model()
         self._data = mujoco.MjData(self.model)
         term = "terms.joint_friction"
