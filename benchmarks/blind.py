@@ -1,6 +1,7 @@
 """Blind tests of the diagnosis in numbers: false alarms, detection, names, intervals, pairs, unknowns, stress, time.
 
-python -m benchmarks.blind [PART ...] [--share 1.0] [--workers 2] [--duration 60] [-o blind] [--tables]
+python -m benchmarks.blind [PART ...] [--vehicle all|raptor90|quadrotor|rig] [--share 1.0] [--workers 2]
+                           [--duration 60] [-o blind] [--tables]
 
 Every set is drawn from a seed, flown, sealed, diagnosed from what was measured, and only then opened
 (tests/blind, benchmarks/blind_judge.py). Each result is a file of its own, so that a run that was stopped goes on where
@@ -14,7 +15,8 @@ import json
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
+from functools import cache
 from pathlib import Path
 
 from benchmarks import blind_figures
@@ -22,86 +24,144 @@ from benchmarks.blind_judge import Job, Record, run
 from flightlog.flight_json import plain
 from helideck.show import campaign_progress
 from identification.causes import CATALOGUE
-from tests.blind.effects import EFFECTS, UNKNOWN
+from identification.multirotor.causes import catalogue
+from sim.kinds import load
+from sim.multirotor import Multirotor
+from sim.rig import Rig
+from tests.blind.kits import file_of, kit_of
 
-HARD: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # either of a pair that looks alike: which, and plans
-    "ground_effect/baro_downwash": (("ground_effect", "baro_downwash"), ("ladder", "landing", "descents")),
-    "sonar_scale/camera_focal": (("sonar_scale", "camera_focal"), ("ladder", "landing", "doublets")),
-    "fuel_burn/thrust_scale": (("fuel_burn", "thrust_scale"), ("ladder", "doublets", "turn")),
-    "clock_offset/actuator_delay": (("clock_offset", "actuator_delay"), ("doublets", "box", "turn")),
-    "wind/cg_offset": (("cg_offset",), ("turn", "doublets", "box")),
-}
+Names = tuple[str, ...]
 
 
-def known() -> list[str]:
-    """Effects that the catalogue has a name for."""
-    return [name for name in EFFECTS if name in CATALOGUE]
+@dataclass(frozen=True)
+class Fleet:
+    """Vehicles of one kind, and what is tried with them."""
+
+    vehicles: Names
+    first: int  # seed
+    hard: Mapping[str, tuple[Names, Names]]  # either of a pair that looks alike: which, and plans
+    thin: tuple[tuple[str, Names], ...] = ()  # vehicle, and topics that its log lacks
 
 
-def _nulls(count: int, first: int, part: str, stress: bool = False) -> Iterator[Job]:
+FLEETS: Mapping[str, Fleet] = {
+    "raptor90": Fleet(
+        ("raptor90",), 0,
+        {
+            "ground_effect/baro_downwash": (("ground_effect", "baro_downwash"), ("ladder", "landing", "descents")),
+            "sonar_scale/camera_focal": (("sonar_scale", "camera_focal"), ("ladder", "landing", "doublets")),
+            "fuel_burn/thrust_scale": (("fuel_burn", "thrust_scale"), ("ladder", "doublets", "turn")),
+            "clock_offset/actuator_delay": (("clock_offset", "actuator_delay"), ("doublets", "box", "turn")),
+            "wind/cg_offset": (("wind", "cg_offset"), ("turn", "doublets", "box")),
+        },
+        tuple(("raptor90", left) for left in (("pad", "sonar"), ("pad", "mag"), ("gps",), ("baro", "sonar"))),
+    ),
+    "quadrotor": Fleet(
+        ("quad", "crazyflie"), 1_000_000,
+        {"battery_sag/mass": (("battery_sag", "mass"), ("ladder", "turn", "doublets"))},
+        (("quad", ("imu",)), ("quad_speed", ("imu", "battery")), ("crazyflie", ("imu",))),
+    ),
+    "rig": Fleet(("gimbal",), 2_000_000, {}),
+}  # fmt: skip
+
+
+@cache
+def known(vehicle: str) -> Names:
+    """Effects that the injector has for a vehicle and the catalogue a name."""
+    craft = load(file_of(vehicle))
+    if isinstance(craft, Multirotor):
+        named = {cause.title for cause in catalogue(craft)}
+        if craft.by_speed:  # a speed that is measured knows neither
+            named -= {"battery_sag", "actuator_lag", "actuator_delay"}
+    else:
+        named = set(kit_of(vehicle).effects) if isinstance(craft, Rig) else set(CATALOGUE)
+    return tuple(name for name in kit_of(vehicle).effects if name in named)
+
+
+def _nulls(fleet: Fleet, count: int, first: int, part: str, stress: bool = False) -> Iterator[Job]:
     for i in range(count):
-        yield Job(part, first + i, "null", stress=stress)
+        yield Job(part, fleet.first + first + i, "null", vehicle=fleet.vehicles[i % len(fleet.vehicles)], stress=stress,
+                  heldout=0)  # fmt: skip
 
 
-def _singles(count: int) -> Iterator[Job]:
-    for i, name in enumerate(known()):
-        for k in range(count):
-            yield Job("single", 30_000 + 100 * i + k, "single", (name,))
+def _singles(fleet: Fleet, count: int) -> Iterator[Job]:
+    for j, vehicle in enumerate(fleet.vehicles):
+        for i, name in enumerate(known(vehicle)):
+            for k in range(count):
+                yield Job("single", fleet.first + 30_000 + 4_000 * j + 100 * i + k, "single", (name,), vehicle=vehicle)
 
 
-def _pairs(count: int) -> Iterator[Job]:
-    names = known()
+def _pairs(fleet: Fleet, count: int) -> Iterator[Job]:
     for i in range(count):
+        vehicle = fleet.vehicles[i % len(fleet.vehicles)]
+        names = known(vehicle)
         a = names[(7 * i) % len(names)]
-        b = names[(7 * i + 3 + 5 * (i // len(names))) % len(names)]
-        if a != b:
-            yield Job("pair", 40_000 + i, "pair", (a, b))
+        b = names[(7 * i + 1 + i // len(names) % (len(names) - 1)) % len(names)]
+        yield Job("pair", fleet.first + 40_000 + i, "pair", (a, b), vehicle=vehicle)
 
 
-def _unknowns(count: int) -> Iterator[Job]:
-    for i, name in enumerate(UNKNOWN):
-        for k in range(count):
-            yield Job("unknown", 50_000 + 100 * i + k, "unknown", (name,))
+def _unknowns(fleet: Fleet, count: int) -> Iterator[Job]:
+    for j, vehicle in enumerate(fleet.vehicles):
+        for i, name in enumerate(kit_of(vehicle).unknown):
+            for k in range(count):
+                yield Job("unknown", fleet.first + 50_000 + 1_000 * j + 100 * i + k, "unknown", (name,),
+                          vehicle=vehicle)  # fmt: skip
 
 
-def _left_out(count: int) -> Iterator[Job]:
-    for i, name in enumerate(known()):
-        for k in range(count):
-            yield Job("left out", 55_000 + 100 * i + k, "single", (name,), leave_out=name)
+def _left_out(fleet: Fleet, count: int) -> Iterator[Job]:
+    for j, vehicle in enumerate(fleet.vehicles):
+        for i, name in enumerate(known(vehicle)):
+            for k in range(count):
+                yield Job("left out", fleet.first + 55_000 + 4_000 * j + 100 * i + k, "single", (name,),
+                          vehicle=vehicle, leave_out=name)  # fmt: skip
 
 
-def _weak(count: int) -> Iterator[Job]:
-    names = known()
+def _weak(fleet: Fleet, count: int) -> Iterator[Job]:
     for i in range(count):
-        yield Job("weak", 60_000 + i, "weak", (names[i % len(names)],))
+        vehicle = fleet.vehicles[i % len(fleet.vehicles)]
+        names = known(vehicle)
+        yield Job("weak", fleet.first + 65_000 + i, "weak", (names[i // len(fleet.vehicles) % len(names)],),
+                  vehicle=vehicle)  # fmt: skip
 
 
-def _hard(count: int) -> Iterator[Job]:
-    for i, (which, plans) in enumerate(HARD.values()):
+def _hard(fleet: Fleet, count: int) -> Iterator[Job]:
+    for i, (which, plans) in enumerate(fleet.hard.values()):
         for k in range(count):
-            name = which[k % len(which)]
-            if name in CATALOGUE:
-                yield Job("hard", 70_000 + 100 * i + k, "single", (name,), plans=plans)
+            vehicle, name = fleet.vehicles[k // len(which) % len(fleet.vehicles)], which[k % len(which)]
+            if name in known(vehicle):
+                yield Job("hard", fleet.first + 70_000 + 100 * i + k, "single", (name,), vehicle=vehicle, plans=plans)
 
 
-def _stress(count: int) -> Iterator[Job]:
-    yield from _nulls(count, 80_000, "stress null", stress=True)
-    names = known()
+def _stress(fleet: Fleet, count: int) -> Iterator[Job]:
+    yield from _nulls(fleet, count, 80_000, "stress null", stress=True)
     for i in range(count // 2):
-        yield Job("stress single", 81_000 + i, "single", (names[i % len(names)],), stress=True)
+        vehicle = fleet.vehicles[i % len(fleet.vehicles)]
+        names = known(vehicle)
+        yield Job("stress single", fleet.first + 81_000 + i, "single", (names[i // len(fleet.vehicles) % len(names)],),
+                  vehicle=vehicle, stress=True)  # fmt: skip
 
 
-def _thin(count: int) -> Iterator[Job]:
+def _thin(fleet: Fleet, count: int) -> Iterator[Job]:
     """Logs that lack some sensors, as most real ones do."""
-    for i in range(count):
-        left = (("pad", "sonar"), ("pad", "mag"), ("gps",), ("baro", "sonar"))[i % 4]
-        yield Job("thin", 90_000 + i, "null" if i % 2 else "single", without=left)
+    for i in range(count if fleet.thin else 0):
+        vehicle, left = fleet.thin[i // 2 % len(fleet.thin)]
+        names = [name for name in known(vehicle) if not _needed(vehicle, name) & set(left)]
+        yield Job("thin", fleet.first + 90_000 + i, "null" if i % 2 else "single",
+                  None if i % 2 else (names[i // 2 % len(names)],), vehicle=vehicle, without=left,
+                  heldout=0)  # fmt: skip
+
+
+def _needed(vehicle: str, name: str) -> set[str]:
+    """Topics without which an effect cannot be seen."""
+    import numpy as np
+
+    kit, rng = kit_of(vehicle), np.random.default_rng(0)
+    return set(kit.effect(kit.effects[name], kit.draw(rng), rng, 1.0).needs)
 
 
 # number at --share 1: nulls, nulls for the threshold, eight of each entry, ...
-PARTS: Mapping[str, tuple[Callable[[int], Iterator[Job]], int]] = {
-    "null": (lambda n: _nulls(n, 10_000, "null"), 300),
-    "threshold": (lambda n: _nulls(n, 20_000, "threshold"), 500),
+PARTS: Mapping[str, tuple[Callable[[Fleet, int], Iterator[Job]], int]] = {
+    "null": (lambda fleet, n: _nulls(fleet, n, 10_000, "null"), 300),
+    "threshold": (lambda fleet, n: _nulls(fleet, n, 20_000, "threshold"), 500),
     "single": (_singles, 8),
     "pair": (_pairs, 60),
     "unknown": (_unknowns, 10),
@@ -117,6 +177,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """See the module's own words."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; default: all")
+    parser.add_argument("--vehicle", choices=["all", *FLEETS], default="all")
     parser.add_argument("--share", type=float, default=1.0, help="of every part's number of sets")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--duration", type=float, default=60.0, help="of a flight [s]")
@@ -133,11 +194,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         jobs = [
             replace(job, duration_s=given.duration, flights=given.flights if job.plans is None else len(job.plans))
             for part in given.parts or PARTS
-            for job in PARTS[part][0](max(1, round(PARTS[part][1] * given.share)))
+            for name, fleet in FLEETS.items() if given.vehicle in ("all", name)
+            for job in PARTS[part][0](fleet, max(1, round(PARTS[part][1] * given.share)))
         ]
         judge(jobs, results, given.workers)
     records = [Record(**json.loads(path.read_text())) for path in sorted(results.glob("*.json"))]
-    print(blind_figures.write(records, given.output))
+    print(blind_figures.write(records, given.output, {v: name for name, fleet in FLEETS.items()
+                                                      for v in (*fleet.vehicles, *(v for v, _ in fleet.thin))}))
     return 0
 
 

@@ -2,23 +2,28 @@
 
 import resource
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from flightlog.readers.folder import read_flight
-from identification.causes import CATALOGUE
+from identification import diagnosis
+from identification.bench import Bench
 from identification.diagnosis import Diagnosis, examine
-from sim import vehicle as vehicles
-from sim.vehicle import Vehicle
+from identification.normal import refit_to
+from identification.search import Search
+from identification.stack import stack
+from sim.kinds import AnyVehicle, load
 from tests.blind.injector import Answer, Kind, Set, make
+from tests.blind.kits import file_of
 
 MEGA = 1024.0  # kilobytes of ru_maxrss
+NORMAL: Mapping[str, int] = {"crazyflie": 2}  # vehicles whose file says little, and how many flights to refit it to
 
 
 @dataclass(frozen=True)
@@ -36,11 +41,12 @@ class Job:
     leave_out: str | None = None  # a cause taken out of the catalogue before the diagnosis
     flights: int = 3
     duration_s: float = 60.0
+    heldout: int = 1  # further flights, for the gain
 
     @property
     def key(self) -> str:
         """Name of its result."""
-        return f"{self.part}-{'+'.join(self.names or ())}-{self.seed}" if self.names else f"{self.part}-{self.seed}"
+        return "-".join([self.part, self.vehicle, *(["+".join(self.names)] if self.names else []), str(self.seed)])
 
 
 @dataclass(frozen=True)
@@ -63,6 +69,8 @@ class Record:
     wall_s: float = 0.0  # of the verdict
     memory_mb: float = 0.0
     error: str | None = None
+    gain: float | None = None  # [nats] on the held-out flights, what is asserted over nothing
+    oracle: float | None = None  # [nats] what is true over nothing
 
 
 def run(job: Job) -> Record:
@@ -71,46 +79,57 @@ def run(job: Job) -> Record:
         folder, answers = Path(place) / "set", Path(place) / "answers"
         made = make(
             job.seed, job.kind, folder, answers, names=job.names, vehicle=job.vehicle, plans=job.plans,
-            flights=job.flights, duration_s=job.duration_s, without=job.without, stress=job.stress,
+            flights=job.flights, heldout=job.heldout, normal=NORMAL.get(job.vehicle, 0), duration_s=job.duration_s,
+            without=job.without, stress=job.stress,
         )  # fmt: skip
-        nominal = vehicles.load(job.vehicle)
+        nominal = load(file_of(job.vehicle))
+        if made.normal:
+            nominal = refit_to(nominal, logs(made.normal), Path(place) / "nominal.toml")
         started = time.perf_counter()
         with without(job.leave_out):
-            found = diagnosed(made, nominal)
-        wall = time.perf_counter() - started
-        return record(job, found, made.open(answers), made.seal, wall)
+            found = examine(logs(made.flights), nominal)
+            wall = time.perf_counter() - started
+            return record(job, found, made, made.open(answers), nominal, wall)
 
 
-def diagnosed(made: Set, nominal: Vehicle) -> Diagnosis:
-    """The verdict on a set, from its measured tables alone."""
-    return examine({path.name: read_flight(path, truth=False).measured for path in made.flights}, nominal)
+def logs(flights: Sequence[Path]) -> dict[str, Any]:
+    """Measured tables by flight and topic."""
+    return {path.name: read_flight(path, truth=False).measured for path in flights}
 
 
 @contextmanager
 def without(name: str | None) -> Iterator[None]:
-    """The catalogue without one of its causes."""
-    catalogue = cast(dict[str, Any], CATALOGUE)
-    kept = dict(catalogue)
-    if name is not None:
-        catalogue.pop(name)
+    """Diagnoses that do not know one of the causes."""
+    opened = diagnosis.open_bench
+
+    def fewer(*given: Any, **more: Any) -> Bench:
+        bench = opened(*given, **more)
+        bench.causes = [cause for cause in bench.causes if cause.title != name]
+        return bench
+
+    diagnosis.open_bench = fewer
     try:
         yield
     finally:
-        catalogue.clear()
-        catalogue.update(kept)
+        diagnosis.open_bench = opened
 
 
-def record(job: Job, found: Diagnosis, answer: Answer, seal: str, wall_s: float) -> Record:
+def record(
+    job: Job, found: Diagnosis, made: Set, answer: Answer, nominal: AnyVehicle, wall_s: float
+) -> Record:
     """Verdict and answer side by side."""
     verdict = found.verdict
+    true = {true_name(found, e.name, e.which): dict(e.values) for e in answer.effects}
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MEGA
+    gain, oracle = worth(found, made, nominal, true) if made.heldout else (None, None)
     order = [candidate.name for candidate in verdict.candidates]
     named = {cause.name: cause for cause in verdict.causes}
     return Record(
         job=asdict(job),
-        truth=[asdict(effect) for effect in answer.effects],
+        truth=[asdict(e) | {"name": name} for e, name in zip(answer.effects, true, strict=True)],
         shows=list(answer.shows) if answer.shows else None,
         plans=list(answer.plans),
-        seal=seal,
+        seal=made.seal,
         certified=verdict.baseline.certified,
         asserted=[
             {"name": c.name, "where": c.where, "probability": c.probability, "confusable_with": list(c.confusable_with),
@@ -119,17 +138,76 @@ def record(job: Job, found: Diagnosis, answer: Answer, seal: str, wall_s: float)
         ],
         unexplained=[asdict(item) for item in verdict.unexplained],
         best=max((c.log_bayes_factor for c in verdict.candidates), default=0.0),
-        ranks={name: order.index(name) for name in answer.names if name in order},
-        strength={e.name: d for e in answer.effects if (d := strength(found, e.name, e.values)) is not None},
+        ranks={name: order.index(name) for name in true if name in order},
+        strength={name: d for name, v in true.items() if (d := strength(found, name, v)) is not None},
         causes=[cause.name for cause in found.bench.causes],
         intervals=[
-            {"cause": e.name, "parameter": key, "true": value, **asdict(named[e.name].parameters[key])}
-            for e in answer.effects if e.name in named
-            for key, value in e.values.items() if key in named[e.name].parameters
+            {"cause": name, "parameter": key, "true": value, **asdict(named[name].parameters[key])}
+            for name, values in true.items() if name in named
+            for key, value in values.items() if key in named[name].parameters
         ],
         wall_s=wall_s,
-        memory_mb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MEGA,
+        memory_mb=memory,
+        gain=gain,
+        oracle=oracle,
     )  # fmt: skip
+
+
+def true_name(found: Diagnosis, name: str, which: str) -> str:
+    """An effect by the search's name: one of several alike carries its rotor, joint or input."""
+    full = f"{name}#{which}"
+    return full if which and full in found.search.causes else name
+
+
+def worth(
+    found: Diagnosis, made: Set, nominal: AnyVehicle, true: Mapping[str, Mapping[str, float]]
+) -> tuple[float | None, float | None]:
+    """[nats] of held-out flights gained by what is asserted, and by the oracle: the true causes at their true values.
+
+    A foreign form has no true values; its cause is then fitted to the held-out flights themselves. None where a true
+    cause is not one of the search's.
+    """
+    bench, search = found.bench, found.search
+    if not true or not found.verdict.baseline.certified or any(name not in search.causes for name in true):
+        return None, None
+    held = diagnosis.open_bench(logs(made.heldout), nominal, bench)
+    own = {name: [p.key for p in search.causes[name].parameters] for name in {*true, *found.causes}}
+    touched = {key for keys in own.values() for key in keys}
+    fitted = search.fit(found.causes)
+    else_at = {key: value for key, value in fitted.at.items() if key not in touched}
+    base = likelihood(held, else_at, {}, {})
+    asserted = {key: (fitted.values[key], fitted.std[key]) for name in found.causes for key in own[name]}
+    known: dict[str, tuple[float, float]] = {}
+    for name, values in true.items():
+        foreign = {} if values else Search(held).fit((name,)).values
+        for p in search.causes[name].parameters:
+            value = values.get(p.name, bench.nominal[p.key]) if values else foreign[p.key]
+            known[p.key] = value, 0.0
+    gains = [
+        likelihood(held, else_at, {k: v for k, (v, _) in of.items()}, {k: s for k, (_, s) in of.items()}) - base
+        for of in (asserted, known)
+    ]
+    return (gains[0] if found.causes else 0.0), gains[1]
+
+
+def likelihood(
+    bench: Bench, about: Mapping[str, float], values: Mapping[str, float], std: Mapping[str, float]
+) -> float:
+    """Log likelihood of a bench's flights with these numbers at `values`, known by `std`; all else integrated over.
+
+    about: where the rest is linearised.
+    """
+    at = dict(about) | dict(values)
+    rows = [bench.rows(i, at, set(at)) for i in range(len(bench.names))]
+    s = stack(rows, list(rows[0].signatures))
+    prior = np.array([{**bench.tolerances, **std}.get(key, 0.0) for key in s.keys])
+    shift = np.array([about[key] - bench.nominal[key] if key in about else 0.0 for key in s.keys])
+    used = np.flatnonzero(prior > 0.0)
+    d, m = prior[used], shift[used]
+    information, score = s.information[np.ix_(used, used)], s.score[used]
+    square = s.square + 2.0 * m @ score + m @ information @ m
+    b, inner = d * (score + information @ m), np.eye(len(used)) + d[:, None] * information * d
+    return float(s.log_local - 0.5 * (square - b @ np.linalg.solve(inner, b)) - 0.5 * np.linalg.slogdet(inner)[1])
 
 
 def strength(found: Diagnosis, name: str, values: Mapping[str, float]) -> float | None:

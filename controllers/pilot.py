@@ -58,6 +58,10 @@ class Pilot:
         """Move the point to be flown to [m] from the pad's centre."""
         self.sequence.set_target(east, north)
 
+    def set_heading(self, heading: float) -> None:
+        """Point the nose to `heading` [rad] from now on."""
+        self._heading = heading
+
     def update(self, state: StateEstimate) -> Controls:
         """Controls for the period that begins; call every SAMPLE_TIME."""
         e, n, height = state.position.tolist()

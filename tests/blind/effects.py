@@ -31,6 +31,9 @@ class Effect:
     terms: tuple[tuple[Term, Mapping[str, float]], ...] = ()
     tampering: tuple[Tampering, ...] = ()
     needs: tuple[str, ...] = ()  # topics without which it cannot be seen
+    which: str = ""  # rotor, joint or input that it sits on
+    numbers: Mapping[str, float] = field(default_factory=dict)  # of a multirotor or rig, by the file's key, SI
+    otherwise: Mapping[str, float] = field(default_factory=dict)  # of their flights' own numbers, OTHERWISE
 
 
 Draw = Callable[[Vehicle, Rng, float], Effect]  # the vehicle as it is, randomness, share of the usual size

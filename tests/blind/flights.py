@@ -10,12 +10,18 @@ from flightlog.signals import Measurement
 from scenarios.flight import fly
 from scenarios.logbook import TOPICS
 from scenarios.schema import WeatherTable
-from sim.sensors.faults import Fault
+from sim.sensors.faults import Dropout, Fault, Spike
 from sim.vehicle import Vehicle
 from sim.world import STEP, World
+from tests.blind.foreign import White
 from tests.blind.plans import FlightPlan
 
 Rows = dict[str, list[Sequence[Any]]]
+# what the mark and the ranger say of near-by outliers, dropouts and attitude noise
+OUTLIERS = {"gps": ("u", 5.0), "baro": ("altitude", 5.0), "sonar": ("range", 1.0), "pad": ("x", 1.0)}
+LOST = 0.05
+NOISY = 0.004 * 47.0  # [uT]: 4 mrad of the field
+
 Tampering = Callable[[World], Iterable[Fault]]  # at the flight's first step: may change the world, gives faults
 
 
@@ -58,4 +64,19 @@ def write(
                 writer = recorder.topic("measured", topic)
                 for row in sorted(of, key=lambda row: row[0]):
                     writer.append(row)
-        write_flight(folder, {"scenario_name": "unknown", "vehicle_name": vehicle})
+        write_flight_json(folder, vehicle)
+
+
+def write_flight_json(folder: Path, vehicle: str) -> None:
+    """flight.json, which says no more than what the nominal vehicle is called."""
+    write_flight(folder, {"scenario_name": "unknown", "vehicle_name": vehicle})
+
+
+def stressed(world: World) -> list[Fault]:
+    """What a bad day does to any vehicle; needs no cause to be named."""
+    world.wind.scale *= 2.0
+    faults: list[Fault] = [
+        Spike(topic=topic, column=column, size=size, share=0.02) for topic, (column, size) in OUTLIERS.items()
+    ]
+    faults += [Dropout(topic=topic, share=LOST) for topic in OUTLIERS]
+    return [*faults, White("mag", ("mx", "my", "mz"), NOISY)]

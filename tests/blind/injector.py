@@ -1,36 +1,23 @@
 """Draws a blind set from a seed, flies it, writes what was measured, and seals the answer.
 
-A set is three flights of one vehicle. The answer (what is wrong, by how much, what flew) goes to a place of its own;
-beside the flights lies its hash alone, written before anybody judges.
+A set is some flights of one vehicle: a helicopter, a quadrotor, a rig. The answer (what is wrong, by how much, what
+flew) goes to a place of its own; beside the flights lies its hash alone, written before anybody judges.
 """
 
-import copy
 import hashlib
 import json
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from flightlog.flight_json import plain
-from sim import vehicle as vehicles
-from sim.sensors.faults import Dropout, Fault, Spike
-from sim.vehicle import Vehicle
-from sim.world import World
-from tests.blind import draws
-from tests.blind.effects import EFFECTS, UNKNOWN, Effect
-from tests.blind.flights import Tampering, measured, write
-from tests.blind.foreign import White
-from tests.blind.plans import PLANS, FlightPlan, weather
+from tests.blind.kits import Kit, kit_of
 
 Kind = Literal["null", "single", "pair", "unknown", "weak"]
 WEAK = 0.04  # share of the usual size that nobody can see
-# what the mark and the ranger say of near-by outliers, dropouts and attitude noise
-OUTLIERS = {"gps": ("u", 5.0), "baro": ("altitude", 5.0), "sonar": ("range", 1.0), "pad": ("x", 1.0)}
-LOST = 0.05
-NOISY = 0.004 * 47.0  # [uT]: 4 mrad of the field
 
 
 @dataclass(frozen=True)
@@ -41,6 +28,7 @@ class Told:
     where: str
     form: str
     values: Mapping[str, float]
+    which: str = ""  # rotor, joint or input
 
 
 @dataclass(frozen=True)
@@ -71,6 +59,8 @@ class Set:
     flights: tuple[Path, ...]
     vehicle: str
     seal: str  # SHA-256 of the answer
+    heldout: tuple[Path, ...] = ()  # further flights of the same vehicle
+    normal: tuple[Path, ...] = ()  # flights of it before anything was wrong
 
     def open(self, answers: Path) -> Answer:
         """The answer; ValueError where it is not the one that was sealed."""
@@ -94,6 +84,8 @@ def make(
     vehicle: str = "raptor90",
     plans: Sequence[str] | None = None,
     flights: int = 3,
+    heldout: int = 0,
+    normal: int = 0,
     duration_s: float = 60.0,
     without: Collection[str] = (),
     stress: bool = False,
@@ -106,27 +98,29 @@ def make(
         folder: of the set, named as the set; made.
         answers: where the answer goes.
         names: of the effects, where they are not to be drawn.
-        vehicle: the nominal vehicle.
-        plans: of `plans.PLANS`, where they are not to be drawn.
-        flights: how many.
+        vehicle: the nominal vehicle, of `vehicles/` here or of the project.
+        plans: of its kit, where they are not to be drawn.
+        flights: how many to be judged.
+        heldout: how many more for the gain.
+        normal: how many of the same vehicle with nothing wrong.
         duration_s: of each.
         without: topics to leave out.
         stress: gusts doubled, outliers, dropouts and noise of the attitude.
     """
     rng = np.random.default_rng([seed, 20])
-    nominal = vehicles.load(vehicle)
-    true = draws.vehicle(nominal, rng)
-    chosen, shows = _choose(kind, names, rng, without)
+    kit = kit_of(vehicle)
+    true = kit.draw(rng)
+    chosen, shows = _choose(kit, kind, names, rng, without)
     share = WEAK if kind == "weak" else 1.0
-    effects = [draw(true, rng, share) for draw in chosen]
-    flying = inject(true, effects)
-    tampering: list[Tampering] = [t for effect in effects for t in effect.tampering] + ([_stressed] if stress else [])
-    todo = list(plans) if plans is not None else [str(name) for name in rng.permutation(list(PLANS))[:flights]]
-    drawn: list[FlightPlan] = [PLANS[name](rng, duration_s) for name in todo]
-    airs = [weather(rng, _wind_std(nominal)) for _ in drawn]
+    effects = [kit.effect(draw, true, rng, share) for draw in chosen]
+    flying = kit.inject(true, effects)
+    everything = [str(name) for name in rng.permutation(list(kit.plans))]
+    todo = list(plans) if plans is not None else (everything * flights)[:flights]
+    later = [str(name) for name in rng.choice(list(kit.plans), heldout)]
+    before = [str(name) for name in rng.choice(list(kit.plans), normal)]
     answer = Answer(
-        seed, kind, vehicle, tuple(Told(e.name, e.where, e.form, dict(e.values)) for e in effects), tuple(todo),
-        tuple(without), stress, flying.document, shows,
+        seed, kind, vehicle, tuple(Told(e.name, e.where, e.form, dict(e.values), e.which) for e in effects),
+        tuple(todo), tuple(without), stress, kit.document(flying), shows,
     )  # fmt: skip
 
     folder.mkdir(parents=True)
@@ -135,77 +129,33 @@ def make(
     seal = hashlib.sha256(text.encode()).hexdigest()
     (folder / "answer.sha256").write_text(seal + "\n")
     (answers / f"{folder.name}.json").write_text(text)
-    paths = []
-    for i, (plan, air) in enumerate(zip(drawn, airs, strict=True)):
-        rows = measured(plan, flying, nominal, seed=seed * 16 + i, weather=air, tampering=tampering)
-        paths.append(folder / f"flight-{i + 1}")
-        write(rows, paths[-1], vehicle, without)
-    return Set(folder, tuple(paths), vehicle, seal)
-
-
-def inject(true: Vehicle, effects: Sequence[Effect]) -> Vehicle:
-    """The vehicle with these effects in it."""
-    document = copy.deepcopy(dict(true.document))
-    for effect in effects:
-        for key, (value, unit) in effect.settings.items():
-            _assign(document, key, value, unit)
-    vehicle = vehicles.from_document(document, true.path)
-    extra = [item for effect in effects for item in effect.terms]
-    return replace(
-        vehicle,
-        terms=(*vehicle.terms, *(term for term, _ in extra)),
-        parameters={**vehicle.parameters, **{term.name: dict(numbers) for term, numbers in extra}},
-    )
+    paths: dict[str, tuple[Path, ...]] = {}
+    count = 0
+    for what, names_of, craft, wrong in (
+        ("flight", todo, flying, effects), ("heldout", later, flying, effects), ("normal", before, true, []),
+    ):  # fmt: skip
+        paths[what] = tuple(folder / f"{what}-{i + 1}" for i in range(len(names_of)))
+        for path, plan in zip(paths[what], names_of, strict=True):
+            kit.fly(craft, plan, duration_s, seed * 32 + count, path, wrong, without, stress)
+            count += 1
+    return Set(folder, paths["flight"], vehicle, seal, paths["heldout"], paths["normal"])
 
 
 def _choose(
-    kind: Kind, names: Sequence[str] | None, rng: np.random.Generator, without: Collection[str]
+    kit: Kit, kind: Kind, names: Sequence[str] | None, rng: np.random.Generator, without: Collection[str]
 ) -> tuple[list[Any], tuple[str, str] | None]:
     """The effects' draws, and how an unknown one shows."""
     if kind == "null":
         return [], None
     if kind == "unknown":
-        name = names[0] if names else str(rng.choice(list(UNKNOWN)))
-        draw, channel, driver = UNKNOWN[name]
+        name = names[0] if names else str(rng.choice(list(kit.unknown)))
+        draw, channel, driver = kit.unknown[name]
         return [draw], (channel, driver)
     many = 2 if kind == "pair" else 1
     while names is None:
-        tried = [str(name) for name in rng.choice(list(EFFECTS), many, replace=False)]
-        probe = [EFFECTS[name](vehicles.load("raptor90"), np.random.default_rng(0), 1.0) for name in tried]
+        tried = [str(name) for name in rng.choice(list(kit.effects), many, replace=False)]
+        other = np.random.default_rng(0)
+        probe = [kit.effect(kit.effects[name], kit.draw(other), other, 1.0) for name in tried]
         if not any(topic in without for effect in probe for topic in effect.needs):
             names = tried
-    return [EFFECTS[name] for name in names], None
-
-
-def _assign(document: dict[str, Any], dotted: str, value: float, unit: str) -> None:
-    """Set a number of a vehicle file; `a.b.1` an element of a vector."""
-    *way, last = dotted.split(".")
-    if last.isdecimal():
-        *way, last_name = way
-        entry = _table(document, way)[last_name]
-        entry["value"] = [value if i == int(last) else v for i, v in enumerate(entry["value"])]
-        entry["unit"] = unit
-        return
-    table = _table(document, way)
-    table[last] = {**table.get(last, {}), "value": value, "unit": unit}
-    table[last].pop("tolerance", None)
-
-
-def _table(document: dict[str, Any], way: Sequence[str]) -> dict[str, Any]:
-    for part in way:
-        document = document.setdefault(part, {})
-    return document
-
-
-def _wind_std(vehicle: Vehicle) -> float:
-    return float(vehicle.document["environment"]["wind_std"]["value"])
-
-
-def _stressed(world: World) -> list[Fault]:
-    """What a bad day does to any vehicle; needs no cause to be named."""
-    world.wind.scale *= 2.0
-    faults: list[Fault] = [
-        Spike(topic=topic, column=column, size=size, share=0.02) for topic, (column, size) in OUTLIERS.items()
-    ]
-    faults += [Dropout(topic=topic, share=LOST) for topic in OUTLIERS]
-    return [*faults, White("mag", ("mx", "my", "mz"), NOISY)]
+    return [kit.effects[name] for name in names], None

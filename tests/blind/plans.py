@@ -128,7 +128,7 @@ class _Tester:
         self._heading = wanted if self._heading is None else self._heading + float(
             np.clip(wanted - self._heading, -step, step)
         )
-        self._pilot._heading = self._heading
+        self._pilot.set_heading(self._heading)
 
 
 def leg_at(legs: Sequence[Leg], t: float) -> Leg:

@@ -10,9 +10,10 @@ import pytest
 from flightlog.readers.folder import read_flight
 from sim import vehicle as vehicles
 from sim.pipeline import Pipeline
-from tests.blind import draws, foreign, injector, plans
+from tests.blind import draws, foreign, kits, plans
+from tests.blind.draws import injected
 from tests.blind.effects import EFFECTS, UNKNOWN
-from tests.blind.injector import inject, make
+from tests.blind.injector import make
 
 TICK = 0.002
 
@@ -98,7 +99,7 @@ def test_every_effect_makes_a_vehicle_and_follows_its_size(raptor, name):
         assert (small.name, small.form) == (large.name, large.form) or name == "actuator_delay"
         seen.add(large.form)
         assert large.settings or large.terms or large.tampering
-        changed = inject(raptor, [large])
+        changed = injected(raptor, [large])
         assert len(changed.terms) == len(raptor.terms) + len(large.terms) + len(
             {key.split(".")[1] for key in large.settings if key.startswith("terms.")} - set(raptor.parameters)
         )
@@ -176,10 +177,9 @@ def test_an_effect_is_in_the_flight(tmp_path, monkeypatch):
     """A barometer that drifts reads what it drifts; the same flight without it does not."""
     made = short(tmp_path, 8, "with")
     rate = made.open(tmp_path / "answers").effects[0].values["rate"]
-    inject_nothing = lambda true, effects: inject(true, [])  # noqa: E731
-    monkeypatch.setattr(injector, "inject", inject_nothing)
+    monkeypatch.setattr(kits.draws, "injected", lambda true, effects: injected(true, []))
     monkeypatch.setitem(
-        injector.EFFECTS, "baro_drift",
+        kits.EFFECTS, "baro_drift",
         lambda v, rng, share: replace(EFFECTS_BEFORE(v, rng, share), tampering=()),
     )  # fmt: skip
     plain = short(tmp_path, 8, "without")
