@@ -25,9 +25,20 @@ HERE = Path(__file__).parent / "vehicles"
 class Kit(Protocol):
     """One kind of vehicle; a `craft` is what `draw` and `inject` hand on."""
 
-    effects: Mapping[str, Any]
-    unknown: Mapping[str, tuple[Any, str, str]]
-    plans: Sequence[str]
+    @property
+    def effects(self) -> Mapping[str, Any]:
+        """What can be wrong: draws by name."""
+        ...
+
+    @property
+    def unknown(self) -> Mapping[str, tuple[Any, str, str]]:
+        """What no catalogue holds: draw, channel, driver."""
+        ...
+
+    @property
+    def plans(self) -> Sequence[str]:
+        """Names."""
+        ...
 
     def draw(self, rng: Rng) -> Any:
         """The vehicle as it may really be."""

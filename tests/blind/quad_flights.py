@@ -121,7 +121,7 @@ def _tables(nominal: Multirotor) -> Floats:
 def _arms(nominal: Multirotor, numbers: Mapping[str, float]) -> Floats:
     """(N, 2) rotors about the centre of mass."""
     centre = [numbers[f"terms.cg_offset.{a}"] + numbers[f"terms.payload.{a}"] for a in "xy"]
-    return nominal.positions[:, :2] - np.array(centre)
+    return np.asarray(nominal.positions[:, :2] - np.array(centre))
 
 
 def _each(nominal: Multirotor, numbers: Mapping[str, float]) -> Floats:
