@@ -26,7 +26,14 @@ BIAS = 0.05  # [m/s^2] of an inertial sensor's force
 STEP = 0.2  # of a prior, for a derivative
 REPEATED = {"thrust": ("terms.thrust.scale",), "cg": ("terms.cg_offset.x", "terms.cg_offset.y"),
             "yaw": ("terms.yaw_trim.arm",)}  # fmt: skip
-ALSO = ("terms.yaw_trim.per_volt",)  # what else normal flights tell
+ALSO = ("terms.yaw_trim.per_volt", "terms.inflow.climb", "terms.inflow.ahead")  # what else normal flights tell
+SAG = "terms.battery_sag.sag"
+REST = "terms.battery_sag.rest"
+# what may differ once the battery was charged or exchanged, and the number of `terms.handled` that says by how much
+HANDLED = {"terms.thrust.scale": "thrust", "terms.cg_offset.x": "cg", "terms.cg_offset.y": "cg"}
+CHARGED = (
+    0.02  # of the voltage at rest, by which it is higher after a charge; a flight of half a minute costs a hundredth
+)
 DRIVERS = {"time": "s", "height": "m", "speed": "m/s", "voltage": "V"}
 REFERENCE = "terms.battery_sag.reference"
 MOVING = "inertia", "terms.motor"  # what a balance does not show
@@ -56,12 +63,12 @@ class MultirotorBench:
         }
         own = {p.key: p for cause in self.causes for p in cause.parameters}
         numbers = vehicle.numbers
-        hidden = ("terms.repeatability", *MOVING)
+        hidden = ("terms.repeatability", "terms.handled", *MOVING)
         self.tolerances: Mapping[str, float] = {
             key: number.tolerance
             for key, number in numbers.items()
             if number.tolerance > 0.0 and not key.startswith(hidden)
-        }
+        } | self._handled()
         self.spreads: Mapping[str, float] = {
             key: max(p.spread, 3.0 * self.tolerances.get(key, 0.0)) for key, p in own.items()
         }
@@ -103,30 +110,54 @@ class MultirotorBench:
 
         A balance does not tell mass from thrust or one rotor's torque from another's: those stay as they stand and are
         taken as known, and the balance itself is fitted. The reference of the battery's voltage goes where these
-        flights were, so that sag changes nothing there; how well the balance repeats is taken from their scatter.
+        flights were, so that sag changes nothing there (it is fitted beside, and not written: terms are not added); how
+        well the balance repeats is taken from their scatter.
         """
         keys = [key for keys in REPEATED.values() for key in keys]
         keys += [key for key in ALSO if self.tolerances.get(key, 0.0) > 0.0]
         wide = {key: max(self.tolerances.get(key, 0.0), WIDE * self.spreads.get(key, 0.0)) for key in keys}
         wide = {key: std if std > 0.0 else self._repeated(key) / SURE for key, std in wide.items()}
         at = {key: self.nominal.get(key, self.vehicle.numbers[key].value) for key in keys}
-        spread = np.zeros((len(keys), len(keys)))
+        free, there = list(keys), {}
         volts = np.concatenate([flight.voltage for flight in self.flights])
-        there = {REFERENCE: float(volts.mean())} if np.isfinite(volts).all() else {}
+        if SAG in self.spreads:
+            there[REFERENCE] = float(volts.mean())
+            free, wide[SAG], at[SAG] = [*keys, SAG], self.spreads[SAG], self.nominal[SAG]
+        spread = np.zeros((len(free), len(free)))
         for _ in range(FITS):
-            s = stack([self.rows(i, at | there, keys) for i in range(len(self.flights))], keys)
-            scale = np.array([wide[key] for key in keys])
-            inner = np.eye(len(keys)) + scale[:, None] * s.information * scale
+            s = stack([self.rows(i, at | there, free) for i in range(len(self.flights))], free)
+            scale = np.array([wide[key] for key in free])
+            inner = np.eye(len(free)) + scale[:, None] * s.information * scale
             step = scale * np.linalg.solve(inner, scale * s.score)
-            at = {key: self.bounded(key, at[key] + d) for key, d in zip(keys, step, strict=True)}
+            at = {key: self.bounded(key, at[key] + d) for key, d in zip(free, step, strict=True)}
             spread = scale[:, None] * np.linalg.inv(inner) * scale
-        fitted = dict(at) | self._scatter(at | there)
+        fitted = {key: at[key] for key in keys} | self._scatter(at | there)
+        rests = [flight.rest for flight in self.flights if np.isfinite(flight.rest)]
+        if rests:
+            there[REST] = max(rests)
         known = {key: self.vehicle.numbers[key].value for key in self.tolerances if key not in fitted}
         values = fitted | known | there
+        spread = spread[: len(keys), : len(keys)]
         spread += np.diag([self._repeated(key) ** 2 for key in keys])  # the next session is another one
         covariance = np.zeros((len(values), len(values)))
         covariance[: len(keys), : len(keys)] = spread
         return list(values), list(values.values()), covariance
+
+    def _handled(self) -> dict[str, float]:
+        """Wider tolerances where the battery was charged or exchanged since the flights that the numbers come from."""
+        numbers = self.vehicle.numbers
+        before = numbers[REST].value
+        rests = [flight.rest for flight in self.flights if np.isfinite(flight.rest)]
+        if before <= 0.0 or not rests or max(rests) < (1.0 + CHARGED) * before:
+            return {}
+        found = {
+            key: np.hypot(numbers[key].tolerance, numbers[f"terms.handled.{n}"].value) for key, n in HANDLED.items()
+        }
+        rotor = numbers["terms.handled.rotor"].value
+        for i in range(self.vehicle.rotors):
+            key = f"rotors.{i}.thrust_scale"
+            found[key] = np.hypot(numbers[key].tolerance, rotor)
+        return {key: float(std) for key, std in found.items() if std > 0.0}
 
     def _repeated(self, key: str) -> float:
         """How well the number behind a key repeats from flight to flight."""
@@ -134,13 +165,10 @@ class MultirotorBench:
         return 0.0 if name is None else self.vehicle.numbers[f"terms.repeatability.{name}"].value
 
     def _scatter(self, at: Mapping[str, float]) -> dict[str, float]:
-        """Repeatability of the balance of moments, what the file declares counting as much as BELIEF flights.
-
-        That of thrust stays as declared: between flights it changes with the battery's voltage as well.
-        """
+        """Repeatability of the balance, what the file declares counting as much as BELIEF flights."""
         found = {}
         rows = [self.rows(i, at) for i in range(len(self.flights))]
-        for name in ("cg", "yaw"):
+        for name in REPEATED:
             declared = self.vehicle.numbers[f"terms.repeatability.{name}"].value
             square, count = BELIEF * declared**2, float(BELIEF)
             for key in REPEATED[name]:
@@ -222,10 +250,7 @@ class MultirotorBench:
         channels = [s.channel for s in self.flights[0].seen]
         first = [self._residual(i, {}) for i in range(len(self.flights))]
         spans = [flight.spans for flight in self.flights]
-        self._noise = {
-            channel: nz.fit([parts[c] - parts[c].mean() for parts in first], spans)
-            for c, channel in enumerate(channels)
-        }
+        self._noise = {channel: nz.white([parts[c] for parts in first], spans) for c, channel in enumerate(channels)}
         for _ in range(ROUNDS):
             left = self._left(wide)
             self._noise = {channel: nz.fit([parts[c] for parts in left], spans) for c, channel in enumerate(channels)}

@@ -6,8 +6,9 @@ acceleration of a long flight is nothing.
 
 Whoever flies cancels the air's disturbances by commands, and answers the noise of sensors by them, so that commands
 fluctuate more than the vehicle does. A model that answered less would seem better. Numbers are therefore judged by
-balances: about M(u; n), n nominal, the model moves as it does at the
-flight's mean commands s and the voltage's slow course, M(u; n) + M(s; theta) - M(s; n).
+balances: about M(u; n), n nominal, the model moves as it does at the flight's mean commands s and the voltage's slow
+course, M(u; n) + M(s; theta) - M(s; n). For the same reason what a passing load takes off the voltage is put back
+first: a gust that is answered by less command would raise the voltage, and look like sag.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,7 +28,11 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 NODE = 0.5  # [s]
-SMOOTH = 4.0  # [s] over which the voltage is smoothed for it
+SMOOTH = 1.0  # [s] over which the voltage is smoothed for it
+QUICK = 2.0  # [s] within which it follows the load alone
+PASSING = 4.0  # [s] that no passing load lasts
+IDLE = 0.02  # of full command, below which the battery rests
+RESTED = 0.3  # [s] at least, before anything turns
 STEPS = 0.002, 0.02  # [s] shortest and longest step of the model along a log
 CLEAR = 0.2  # [m] above the ground while a flight is looked at
 EDGE = 0.5  # [s] left out behind the take-off and before the landing
@@ -69,6 +74,7 @@ class Flight:
     height: Floats  # (K,) [m] above the start; NaN where not known
     speed: Floats  # (K,) [m/s] over ground; NaN where not known
     voltage: Floats  # (K,) [V]
+    rest: float  # [V] of the battery before anything turned; NaN where not logged
 
     def expected(self, craft: Multirotor, changes: Mapping[str, float]) -> list[Floats]:
         """What the model answers in each channel seen, (K,) each, with some numbers changed."""
@@ -137,7 +143,7 @@ def prepare(name: str, tables: Mapping[str, Table], craft: Multirotor, by_estima
         raise UserError(f"{name}: nothing says how it climbs: imu.fz, or u or vu of estimate or reference, would")
     return Flight(
         name, inputs, _settled(inputs, first, spans, per_node), per_node, first, spans,
-        node(grid), seen, by_estimate, node(motion.height), node(motion.speed), node(inputs.voltage),
+        node(grid), seen, by_estimate, node(motion.height), node(motion.speed), node(inputs.voltage), _rest(inputs),
     )  # fmt: skip
 
 
@@ -156,14 +162,31 @@ def _commands(name: str, tables: Mapping[str, Table], craft: Multirotor) -> tupl
 
 
 def _settled(inputs: Inputs, first: Ints, spans: Sequence[tuple[int, int]], per_node: int) -> Inputs:
-    """The mean command of the flight, and the voltage's slow course; what is not flown counts for nothing."""
-    width = max(round(SMOOTH / inputs.step), 1)
-    voltage = inputs.voltage.copy()
-    for a, b in spans:
-        begin, end = int(first[a]), int(first[b - 1]) + per_node
-        voltage[begin:end] = uniform_filter1d(inputs.voltage[begin:end], min(width, end - begin), mode="nearest")
+    """The mean command of the flight, and the voltage's slow course under it; what is not flown counts for nothing."""
     mean = inputs.commands[first[:, None] + np.arange(per_node)].mean(axis=(0, 1))
+    load = inputs.commands.mean(axis=1)
+    voltage = inputs.voltage.copy()
+    stretches = [slice(int(first[a]), int(first[b - 1]) + per_node) for a, b in spans]
+    drop = _drop([load[s] for s in stretches], [voltage[s] for s in stretches], round(QUICK / inputs.step))
+    for s in stretches:
+        narrow, wide = (min(max(round(w / inputs.step), 1), s.stop - s.start) for w in (SMOOTH, PASSING))
+        passing = load[s] - uniform_filter1d(load[s], wide, mode="nearest")
+        voltage[s] = uniform_filter1d(voltage[s] + drop * passing, narrow, mode="nearest")
     return replace(inputs, commands=np.broadcast_to(mean, inputs.commands.shape), voltage=voltage)
+
+
+def _drop(loads: Sequence[Floats], voltages: Sequence[Floats], width: int) -> float:
+    """[V] that the voltage drops at once by full command, from what both do within `width` samples."""
+    quick = [[x - uniform_filter1d(x, min(width, len(x)), mode="nearest") for x in xs] for xs in (loads, voltages)]
+    load, voltage = (np.concatenate(parts) for parts in quick)
+    return float(max(-(load @ voltage) / max(float(load @ load), 1e-12), 0.0))
+
+
+def _rest(inputs: Inputs) -> float:
+    """[V] before anything turned; NaN where that was not logged."""
+    turning = np.flatnonzero(inputs.commands.max(axis=1) > IDLE)
+    idle = int(turning[0]) if len(turning) else len(inputs.commands)
+    return float(np.median(inputs.voltage[:idle])) if idle * inputs.step >= RESTED else float("nan")
 
 
 def _on(grid: Floats, t: Floats, values: Floats) -> Floats:

@@ -51,6 +51,13 @@ def fit(parts: Sequence[Floats], spans: Sequence[Spans]) -> Autoregression:
     return Autoregression(lags[:-1] * more**2, coefficients, std * more)
 
 
+def white(parts: Sequence[Floats], spans: Sequence[Spans]) -> Autoregression:
+    """To begin with: as large as neighbours differ by, so that a slow course is not taken for noise."""
+    steps = np.concatenate([np.diff(part[a:b]) for part, of in zip(parts, spans, strict=True) for a, b in of])
+    std = max(float(np.sqrt(np.mean(steps**2) / 2.0)), 1e-6)
+    return Autoregression(np.r_[std**2, np.zeros(ORDER - 1)], np.zeros(ORDER), std)
+
+
 def _slow(parts: Sequence[Floats]) -> float:
     """Standard deviation of the means of blocks over what white noise would have; that of single nodes where larger."""
     means = np.concatenate([part[: len(part) // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1) for part in parts])

@@ -25,6 +25,11 @@ TERMS: Mapping[str, tuple[Parameter, ...]] = {
     "battery_sag": (
         Parameter("sag", "1/V", -1.0, 5.0, "share of thrust lost per volt below the reference", 0.0),
         Parameter("reference", "V", 0.1, 1000.0, "voltage under load at which the rotors' thrust is given", 3.7),
+        Parameter("rest", "V", 0.0, 1000.0, "highest at rest before the flights that the numbers come from", 0.0),
+    ),
+    "inflow": (
+        Parameter("climb", "s/m", -2.0, 2.0, "share of thrust lost per speed along the rotors' axis", 0.0),
+        Parameter("ahead", "s", -0.1, 0.1, "by how far thrust moves the way it flies, per speed", 0.0),
     ),
     "motor": (
         Parameter("tau", "s", 0.0, 2.0, "lag from command to thrust", 0.0),
@@ -52,6 +57,12 @@ TERMS: Mapping[str, tuple[Parameter, ...]] = {
         Parameter("thrust", "1", 0.0, 1.0, "thrust of all rotors", 0.0),
         Parameter("cg", "m", 0.0, 1.0, "place of the centre of mass, each axis", 0.0),
         Parameter("yaw", "m", 0.0, 1.0, "torque over thrust", 0.0),
+    ),
+    # the same where the battery was charged or exchanged in between: a machine that was in somebody's hands
+    "handled": (
+        Parameter("thrust", "1", 0.0, 1.0, "thrust of all rotors", 0.0),
+        Parameter("rotor", "1", 0.0, 1.0, "thrust of each rotor by itself", 0.0),
+        Parameter("cg", "m", 0.0, 1.0, "place of the centre of mass, each axis", 0.0),
     ),
 }
 

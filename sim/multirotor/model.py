@@ -1,10 +1,11 @@
 """The model of a multirotor along commands: thrusts, and what they make of force and moment.
 
-    T_i = s_i s F_i(command) (1 + sag (V - V_ref)),   tau dT/dt = F - T
+    T_i = s_i s F_i(command) (1 + sag (V - V_ref)) (1 - climb v_z),   tau dT/dt = F - T
     m f = (0, 0, sum T_i) - (rho/2 area |v| + linear) v
     I_x w_x' = sum (y_i - c_y) T_i,   I_y w_y' = -sum (x_i - c_x) T_i,   I_z w_z' = -sum spin_i k_i T_i + a sum T_i
 
-c: centre of mass; k: torque over thrust; a: arm of the yaw trim. Body axes; gyroscopic moments are left out.
+c: centre of mass less what thrust moves forward in forward flight (`ahead` v: blades that advance lift more, and flap);
+k: torque over thrust; a: arm of the yaw trim. Body axes; gyroscopic moments are left out.
 """
 
 from collections.abc import Mapping
@@ -50,7 +51,8 @@ def thrusts(craft: Multirotor, numbers: Mapping[str, float], inputs: Inputs) -> 
     scale = np.array([numbers[f"rotors.{i}.thrust_scale"] for i in range(craft.rotors)])
     low = np.nan_to_num(inputs.voltage - numbers["terms.battery_sag.reference"])
     sagged = np.maximum(1.0 + numbers["terms.battery_sag.sag"] * low, 0.0)
-    return np.asarray(numbers["terms.thrust.scale"] * scale * found * sagged[:, None])
+    climbing = np.maximum(1.0 - numbers["terms.inflow.climb"] * inputs.velocity[:, 2], 0.0)
+    return np.asarray(numbers["terms.thrust.scale"] * scale * found * (sagged * climbing)[:, None])
 
 
 def answer(craft: Multirotor, numbers: Mapping[str, float], inputs: Inputs) -> Floats:
@@ -63,7 +65,11 @@ def answer(craft: Multirotor, numbers: Mapping[str, float], inputs: Inputs) -> F
     force[:, 2] += total
     x, y = craft.positions[:, 0], craft.positions[:, 1]
     torque = np.array([numbers[f"rotors.{i}.torque"] for i in range(craft.rotors)])
-    centre = [numbers[f"terms.cg_offset.{axis}"] + numbers[f"terms.payload.{axis}"] for axis in "xy"]
+    ahead = numbers["terms.inflow.ahead"] * inputs.velocity[:, :2].T
+    centre = [
+        numbers[f"terms.cg_offset.{axis}"] + numbers[f"terms.payload.{axis}"] - moved
+        for axis, moved in zip("xy", ahead, strict=True)
+    ]
     low = np.nan_to_num(inputs.voltage - numbers["terms.battery_sag.reference"])
     askew = numbers["terms.yaw_trim.arm"] + numbers["terms.yaw_trim.per_volt"] * low
     moment = np.column_stack([

@@ -67,7 +67,9 @@ def fly(
     keep = np.exp(-STEP / max(numbers["terms.motor.tau"], 1e-3))
     lagged = dict(numbers) | {"terms.motor.tau": 0.0, "terms.motor.delay": 0.0}
     late = np.full((count, craft.rotors), level)
-    angle, rate, place, speed, trim = np.zeros(3), np.zeros(3), np.array([0.0, 0.0, 1.0]), np.zeros(3), np.zeros(4)
+    angle, rate, place, speed = np.zeros(3), np.zeros(3), np.array([0.0, 0.0, 1.0]), np.zeros(3)
+    start = Inputs(STEP, np.full((1, craft.rotors), level), np.array([battery.full - battery.drop]), np.zeros((1, 3)))
+    trim = np.array([GRAVITY, 0.0, 0.0, 0.0]) - answer(craft, lagged, start)[0, 2:]  # it has flown before
     acting, gust = np.full(craft.rotors, level), np.zeros(6)
     white = np.sqrt(1.0 - np.exp(-2.0 * STEP / noise.gust_tau))
     scale = np.array([noise.gust_force] * 3 + [noise.gust_moment] * 3)
@@ -76,9 +78,9 @@ def fly(
     for k in range(count):
         t = k * STEP
         goal = 0.15 * np.sign(np.sin(2.0 * np.pi * t / 6.0)) * np.array([1.0, 1.0, 0.5]) + [0.0, 0.0, 1.0]
-        wish = 2.0 * (goal - place) - 2.2 * speed
+        wish = 1.5 * (goal - place) - 2.0 * speed
         lean = np.array([-wish[1], wish[0], 0.0]) / GRAVITY  # about x and y, small angles
-        error = np.concatenate([[wish[2]], 90.0 * (lean - angle) - 16.0 * rate])
+        error = np.concatenate([[wish[2]], 70.0 * (lean - angle) - 15.0 * rate])
         trim += STEP * error * np.array([0.5, 0.8, 0.8, 0.8])
         command = np.clip(level + mix @ (error + trim), 0.0, 1.0)
         late[k] = command
