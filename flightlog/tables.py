@@ -15,6 +15,8 @@ from flightlog.errors import UserError
 from flightlog.topics import Topic, columns_of, topic_of
 
 RESET = 1.0  # [s] a clock that falls back further, and stays back, was reset
+DISORDER = 50  # rows by which one may be out of order
+LOOK_AHEAD = 1000  # rows among which a clock that was not reset is ahead again
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,10 +133,24 @@ def arrange(arrow: pa.Table, topic: Topic | None, name: str, file: str) -> tuple
 def _resets(t: NDArray[np.float64]) -> tuple[int, ...]:
     """Rows at which a clock starts again: it falls back by more than RESET and stays behind.
 
-    A single late row falls back too, but the row after it is ahead again.
+    A late row, or rows out of order, fall back too, but the clock is ahead again before it could have run that far.
     """
     falls = np.flatnonzero(np.diff(t) < -RESET) + 1
-    return (0, *(int(i) for i in falls if i + 1 >= len(t) or t[i + 1] < t[i - 1])) if len(falls) else (0,)
+    if not len(falls):
+        return (0,)
+    steps = np.diff(t)
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    found = [0]
+    for i in falls.tolist():
+        if i - found[-1] > 1 and t[i - 2] - t[i] < RESET:
+            continue  # a row that came too early
+        before, after = float(t[found[-1] : i].max()), t[i : i + LOOK_AHEAD]
+        ahead = np.flatnonzero(after >= before)
+        behind = int(ahead[0]) if len(ahead) else len(after)
+        fell = before - float(t[i])
+        if (behind > 1 and behind * usual >= 0.8 * fell) or (not len(ahead) and fell > DISORDER * usual):
+            found.append(i)
+    return tuple(found)
 
 
 def _typed(arrow: pa.Table, topic: Topic | None, file: str) -> pa.Table:

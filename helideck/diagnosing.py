@@ -15,6 +15,7 @@ from helideck.estimation import find_mapping
 from identification import extension, gain, parity
 from identification.closed_loop import Landing
 from identification.diagnosis import Diagnosis, examine, open_bench
+from identification.intake import sound
 from identification.logs import Flights, read
 from identification.report import Findings
 from identification.report.drivers import visited
@@ -106,6 +107,8 @@ def diagnose(
         if more is not None:
             _ = flights + more  # no flight may be both
     flown = None if vehicle is None else kinds.load(vehicle)
+    flights = sound(flights, flown)
+    others, good = (None if more is None else sound(more, flown) for more in (others, good))
     _make(folder)
     if flown is None:
         if good is not None:

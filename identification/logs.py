@@ -10,6 +10,7 @@ from flightlog.tables import Table
 
 UNREAD = ("frames",)  # pictures: not read here
 LEAST = 2.0  # [s] of a segment that is looked at
+MANY = 50  # rows from which on a topic knows of a reset
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +54,8 @@ def read(paths: Sequence[Path], mapping: Path | None = None) -> Flights:
         seen[path.resolve()] = path
         log = read_log(path, mapping)
         name = _name(path, logs)
-        notes += [f"{name}: {note}" for note in log.notes]
+        log, said = _by_one_clock(log)
+        notes += [f"{name}: {note}" for note in (*log.notes, *said)]
         parts = [i for i, (first, last) in enumerate(log.segments) if last - first >= LEAST]
         if not parts:
             raise UserError(f"{path}: {log.duration:.2f} s long; at least {LEAST:g} s would be right")
@@ -63,6 +65,28 @@ def read(paths: Sequence[Path], mapping: Path | None = None) -> Flights:
             own = name if len(parts) == 1 else f"{name}#{part + 1}"
             logs[own], tables[own] = log, _measured(log, part)
     return Flights(logs, tables, tuple(dict.fromkeys(notes)))
+
+
+def _by_one_clock(log: Log) -> tuple[Log, list[str]]:
+    """The log without topics whose clock alone was reset, or alone was not: the rule is what most rows say."""
+    rows = {topic: len(table) for topic, table in log.tables.items()}
+    resets: dict[int, list[str]] = {}
+    for topic, table in log.tables.items():
+        resets.setdefault(len(table.segments) - 1, []).append(topic)
+    if len(resets) == 1:
+        return log, []
+    usual = max(resets, key=lambda count: sum(rows[topic] for topic in resets[count]))
+    # a topic of few rows may well have none after a reset
+    others = [
+        topic
+        for count, topics in resets.items()
+        for topic in topics
+        if count > usual or (count < usual and rows[topic] > MANY)
+    ]
+    if not others:
+        return log, []
+    said = f"the clock of {', '.join(sorted(others))} was reset otherwise than that of the others; left out"
+    return log.without(others), [said]
 
 
 def _name(path: Path, taken: Mapping[str, Log]) -> str:

@@ -1,7 +1,7 @@
 """A log as every reader gives it, and how a reader puts one together."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
@@ -45,6 +45,15 @@ class Log:
                 if owner == index and name not in found:
                     found[name] = table.segment(part)
         return found
+
+    def without(self, topics: Iterable[str]) -> "Log":
+        """The log without some of its topics, and its segments without theirs."""
+        left = {name: table for name, table in self.tables.items() if name not in set(topics)}
+        if not left:
+            raise UserError(f"{self.path}: no topic is left")
+        return replace(
+            self, tables=MappingProxyType(left), segments=_segments(left.values()), timed=self.timed & left.keys()
+        )
 
     @property
     def duration(self) -> float:
