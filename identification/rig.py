@@ -1,37 +1,82 @@
 """Flights of one rig in linear form; see `identification.bench.Bench`.
 
-The model runs freely for STEP from each node, from the state measured there; by how much it misses every joint's
-angle at the next node is one row a joint. What neighbouring rows share (slow disturbances, the noise of the first
-state) is taken out by an autoregression fitted where everything that has a name is free.
+The model runs from the smoothed motion for STEP from each node; by how much it misses the next one goes through the
+filter of `identification.rig_filter`, whose innovations are the rows. Their noise is fitted where everything that has
+a name is free, and the filter is linear about that.
 """
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+from scipy.signal import savgol_filter
 
 from flightlog.errors import UserError
 from flightlog.tables import Table
 from identification.bench import Baseline, Bench, Channel
-from identification.causes import actuator_lag, input_nonlinearity, joint_friction, joint_stiffness
+from identification.causes import actuator_delay, actuator_lag, input_nonlinearity, joint_friction, joint_stiffness
 from identification.causes.contract import Cause
-from identification.course import Course, causal_states, courses
-from identification.free_run import SPAN
-from identification.stack import Rows
+from identification.competition import Competition
+from identification.course import Course, courses
+from identification.null import UNJUDGED
+from identification.rig_filter import SETTLING, Linear, Noise, fit_noise, innovations
+from identification.stack import Rows, stack
 from sim.rig import Rig
 from sim.rig_motion import Moving
 
 Floats = NDArray[np.float64]
 
-STEP = 0.5  # [s] of each short run
-ORDER = 2  # of the autoregression
-ROUNDS = 3  # of the noise fit
+STEP = 0.05  # [s] from node to node
+FINE = 0.0025  # [s] of the model's own steps: they act half of one early, and 5 ms were named a delay in every null
+SMOOTHED = 0.1  # [s] of the parabola through the motion
+SHORTEST = 15.0  # [s] of a log
+ROUNDS = 6  # of the noise fit
+IMPERFECT = 0.02  # of the usual acceleration, which no model accounts for
+DAMPINGS = (0.0, 0.1, 1.0, 10.0, 100.0)  # of a step, one after the other until it leads downward
 SLOPE = 0.1  # of a prior, for a derivative
-FEWEST = 30  # nodes
+NUDGE = 0.002, 0.02  # [rad, rad/s] for the transition
+REMEMBERED = 0.2  # correlation of neighbouring innovations, beyond which the model is none
+
+
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """One stretch: where the model starts, and what came of it."""
+
+    course: Course
+    rows: NDArray[np.int64]  # (N + 1,)
+    states: Floats  # (N + 1, 2 J) smoothed
+    seen: Floats  # (N + 1, J) measured less smoothed
+    averaged: int  # rows that `seen` is the mean of
+
+    @property
+    def length(self) -> int:
+        """Rows from node to node."""
+        return int(self.rows[1] - self.rows[0])
+
+    def reached(self, moving: Moving, first: Floats) -> Floats:
+        """States (N, 2 J) at the next nodes, from `first` (N, 2 J)."""
+        which = self.rows[:-1, None] + np.arange(self.length + 1)
+        return np.asarray(moving.run(first, moving.torques(self.course.inputs)[which])[:, -1])
+
+
+def _nodes(course: Course) -> Nodes:
+    step = max(1, round(STEP / course.dt))
+    window = 2 * max(2, round(SMOOTHED / course.dt / 2.0)) + 1
+    angles = savgol_filter(course.angles, window, 2, axis=0)
+    rates = savgol_filter(course.angles, window, 2, deriv=1, delta=course.dt, axis=0)
+    half = (step - 1) // 2
+    rows = np.arange(half, len(angles) - half, step)
+    around = rows[:, None] + np.arange(-half, half + 1)
+    seen = (course.angles - angles)[around].mean(axis=1)
+    return Nodes(course, rows, np.hstack([angles, rates])[rows], seen, 2 * half + 1)
 
 
 class RigBench:
     """Flights of one rig."""
+
+    every_set = True  # few causes, quickly fitted: the search looks at all sets of them
 
     def __init__(
         self, logs: Mapping[str, Mapping[str, Table]], vehicle: Rig, like: "RigBench | None" = None
@@ -39,12 +84,10 @@ class RigBench:
         """Prepare the flights and fit the noise; UserError for a log that cannot carry a diagnosis."""
         self.vehicle = vehicle
         self.names: Sequence[str] = list(logs)
-        self.stretches = [courses(name, tables, vehicle) for name, tables in logs.items()]
-        for name, parts in zip(logs, self.stretches, strict=True):
-            nodes = sum(int(len(c.angles) * c.dt / STEP) for c in parts)
-            if nodes < FEWEST:
-                raise UserError(f"{name}: too short: {FEWEST * STEP:g} s or more would be enough")
-        self._first = [[causal_states(c, SPAN) for c in parts] for parts in self.stretches]
+        self._flights = [[_nodes(c) for c in courses(name, tables, vehicle)] for name, tables in logs.items()]
+        for name, parts in zip(logs, self._flights, strict=True):
+            if sum(len(part.rows) * part.length * part.course.dt for part in parts) < SHORTEST:
+                raise UserError(f"{name}: too short: {SHORTEST:g} s or more would be enough")
         self.causes: Sequence[Cause] = self._causes()
         self.not_testable: Mapping[str, Sequence[str]] = {}
         self.channels: Mapping[int, Channel] = {
@@ -59,29 +102,80 @@ class RigBench:
         keys = sorted({*own, *self.tolerances})
         self.nominal: Mapping[str, float] = {key: numbers[key].value for key in keys}
         self.units: Mapping[str, str] = {key: numbers[key].unit for key in keys}
-        self._slopes: list[dict[str, Floats]] = [{} for _ in self.names]
-        self._noise: list[tuple[Floats, float]]
-        self._noise = like._noise if like is not None else self._fit_noise()
-        levels = zip(vehicle.joints, self._noise, strict=True)
-        self.baseline = Baseline(True, None, {f"joints.{joint}": (std, "rad") for joint, (_, std) in levels})
+        self._slopes: list[dict[str, list[Floats]]] = [{} for _ in self.names]
+        self._at: dict[str, float] = {}  # about which the filter is linear
+        self._linear: list[list[Linear]] = []  # by flight and stretch
+        self._noise: Noise
+        self._contest: Competition | None = None
+        if like is None:
+            self.baseline = self._certify()
+        else:
+            self._noise, self._at, self.baseline = like._noise, like._at, like.baseline
+            self._linear = [self._about(i, self._at) for i in range(len(self.names))]
 
     def rows(self, flight: int, changes: Mapping[str, float], fresh: Collection[str] = ()) -> Rows:
         """See `Bench.rows`."""
-        missed = self._missed(flight, changes)
+        defects = self._defects(flight, changes)
         known = self._slopes[flight]
         for key in self.nominal:
             if key not in known or key in fresh:
-                known[key] = self._slope(flight, key, changes, missed)
-        residual = self._whiten(flight, missed)
-        joints, nodes = len(self.vehicle.joints), len(missed)
+                known[key] = self._slope(flight, key, changes, defects)
+        keys = list(known)
+        residual, signatures = self._whitened(flight, defects, [known[key] for key in keys])
+        joints, count = len(self.vehicle.joints), len(residual)
+        t = np.concatenate([n.course.t[n.rows] for n in self._flights[flight]])
         return Rows(
             residual=residual.T.ravel(),
-            signatures={key: self._whiten(flight, slope).T.ravel() for key, slope in known.items()},
-            local=np.zeros((joints * nodes, 0)),
+            signatures={key: signatures[:, :, i].T.ravel() for i, key in enumerate(keys)},
+            local=np.zeros((joints * count, 0)),
             local_std=np.zeros(0),
-            channel=np.repeat(np.arange(joints), nodes),
-            t=np.tile(np.concatenate([c.t[rows[1:]] for c, rows in self._nodes(flight)]), joints),
+            channel=np.repeat(np.arange(joints), count),
+            t=np.tile(t, joints),
         )
+
+    def competition(self) -> Competition:
+        """All causes on the linear form about the fit with everything free, where it is nearest to every truth."""
+        if self._contest is None:
+            self._slopes = [{} for _ in self.names]
+            rows = [self.rows(i, self._at) for i in range(len(self.names))]
+            shift = {key: value - self.nominal[key] for key, value in self._at.items()}
+            self._contest = Competition(
+                stack(rows, list(rows[0].signatures)), self.tolerances, self.causes, self.spreads, shift
+            )
+        return self._contest
+
+    def start(self, names: Sequence[str]) -> dict[str, float]:
+        """Where a fit of these causes, and of all that may be off anyway, had best begin; absolute."""
+        contest = self.competition()
+        free = dict(self.tolerances)
+        free |= {p.key: self.spreads[p.key] for name in names for p in contest.causes[name].parameters}
+        d = np.array([free.get(key, 0.0) for key in contest.stack.keys])
+        used = np.flatnonzero(d > 0.0)
+        d = d[used]
+        information = d[:, None] * contest.stack.information[np.ix_(used, used)] * d
+        keys = [contest.stack.keys[i] for i in used]
+        nominal = np.array([self.nominal[key] for key in keys])
+        values = self._within(keys, nominal, d, np.eye(len(d)) + information, d * contest.stack.score[used])
+        linear = dict(zip(keys, values.tolist(), strict=True))
+        # far from every truth the line leads nowhere: then better from nominal
+        spent = float((((values - nominal) / d) ** 2).sum())
+        return linear if self._square(linear) + spent < self._square({}) else {}
+
+    def _square(self, changes: Mapping[str, float]) -> float:
+        """Sum of the squares of all innovations, in standard deviations."""
+        parts = (self._whitened(i, self._defects(i, changes), [])[0] for i in range(len(self.names)))
+        return float(sum((part**2).sum() for part in parts))
+
+    def _within(self, keys: Sequence[str], at: Floats, d: Floats, square: Floats, pull: Floats) -> Floats:
+        """Where at + d x lies for the x of square x = pull, within every number's range.
+
+        What others would make good for a friction below nothing must not be clipped afterwards.
+        """
+        low, high = (np.array([self.bounded(key, side * np.inf) for key in keys]) for side in (-1.0, 1.0))
+        root = np.linalg.cholesky(square).T
+        wanted = np.linalg.solve(root.T, pull)
+        step = lsq_linear(root, wanted, ((low - at) / d - 1e-12, (high - at) / d + 1e-12), method="bvls").x
+        return np.asarray(np.clip(at + d * step, low, high), float)
 
     def bounded(self, key: str, value: float) -> float:
         """See `Bench.bounded`."""
@@ -90,7 +184,7 @@ class RigBench:
 
     def _causes(self) -> list[Cause]:
         rig, found = self.vehicle, []
-        parts = [c for stretch in self.stretches for c in stretch]
+        parts = [n.course for nodes in self._flights for n in nodes]
         torques = np.concatenate([np.abs(Moving(rig, c.dt).torques(c.inputs)) for c in parts])
         inputs = np.concatenate([np.abs(c.inputs) for c in parts])
         for i, joint in enumerate(rig.joints):
@@ -102,24 +196,21 @@ class RigBench:
                 size = max(float(np.percentile(inputs[:, i], 90)), 1e-9)
                 found.append(input_nonlinearity.of(name, i + 1, len(rig.inputs), size, rig.units[name]))
                 found.append(actuator_lag.of_input(name, i + 1, len(rig.inputs)))
+                found.append(actuator_delay.of_input(name, i + 1, len(rig.inputs)))
         return found
 
-    def _nodes(self, flight: int) -> list[tuple[Course, NDArray[np.int64]]]:
-        return [(c, np.arange(0, len(c.angles), max(1, round(STEP / c.dt)))) for c in self.stretches[flight]]
-
-    def _missed(self, flight: int, changes: Mapping[str, float]) -> Floats:
-        """Measured angle less that of the model (nodes, joints), unwhitened."""
+    def _defects(self, flight: int, changes: Mapping[str, float]) -> list[Floats]:
+        """By stretch, where the model goes less where the motion went (N, 2 J)."""
         found = []
-        for (course, rows), first in zip(self._nodes(flight), self._first[flight], strict=True):
-            moving = Moving(self.vehicle, course.dt, changes)
-            length = int(rows[1] - rows[0]) + 1
-            which = rows[:-1, None] + np.arange(length)
-            states = moving.run(first[rows[:-1]], moving.torques(course.inputs)[which])
-            found.append(course.angles[rows[1:]] - states[:, -1, : len(self.vehicle.joints)])
-        return np.concatenate(found)
+        for nodes in self._flights[flight]:
+            moving = Moving(self.vehicle, nodes.course.dt, changes, FINE)
+            found.append(nodes.reached(moving, nodes.states[:-1]) - nodes.states[1:])
+        return found
 
-    def _slope(self, flight: int, key: str, changes: Mapping[str, float], missed: Floats) -> Floats:
-        """What one unit more of a number takes off what is missed."""
+    def _slope(
+        self, flight: int, key: str, changes: Mapping[str, float], defects: Sequence[Floats]
+    ) -> list[Floats]:
+        """What one unit more of a number adds to the defects."""
         at = changes.get(key, self.nominal[key])
         step = SLOPE * max(self.spreads.get(key, 0.0), self.tolerances.get(key, 0.0))
         ahead = self.bounded(key, at + step)
@@ -127,60 +218,101 @@ class RigBench:
             ahead = at - step
         moved = dict(changes) | {key: ahead}
         if key.endswith(".centre") and not any(self._strength(moved, key)):
-            return np.zeros_like(missed)  # a spring that pulls nothing has no centre
-        return (missed - self._missed(flight, moved)) / (ahead - at)
+            return [np.zeros_like(part) for part in defects]  # a spring that pulls nothing has no centre
+        return [
+            (there - here) / (ahead - at) for there, here in zip(self._defects(flight, moved), defects, strict=True)
+        ]
 
     def _strength(self, values: Mapping[str, float], key: str) -> list[float]:
         at = self.vehicle.values(values)
         stem = key.rpartition(".")[0]
         return [at.get(f"{stem}.stiffness", 0.0), at.get(f"{stem}.cubic", 0.0)]
 
-    def _whiten(self, flight: int, rows: Floats) -> Floats:
-        """Innovations of the autoregression, in standard deviations."""
-        found, start = np.zeros_like(rows), 0
-        for _, nodes in self._nodes(flight):
-            part = rows[start : start + len(nodes) - 1]
-            for j, (weights, std) in enumerate(self._noise):
-                left = part[:, j].copy()
-                for lag, weight in enumerate(weights, start=1):
-                    left[lag:] -= weight * part[:-lag, j]
-                left[:ORDER] = 0.0
-                found[start : start + len(part), j] = left / std
-            start += len(part)
+    def _about(self, flight: int, changes: Mapping[str, float]) -> list[Linear]:
+        """The model's transitions about the smoothed motion."""
+        found, size = [], 2 * len(self.vehicle.joints)
+        nudge = np.repeat(NUDGE, len(self.vehicle.joints))
+        for nodes in self._flights[flight]:
+            moving = Moving(self.vehicle, nodes.course.dt, changes, FINE)
+            columns = []
+            for i in range(size):
+                aside = np.eye(size)[i] * nudge
+                ahead, behind = (nodes.reached(moving, nodes.states[:-1] + side) for side in (aside, -aside))
+                columns.append((ahead - behind) / (2.0 * nudge[i]))
+            h = nodes.length * nodes.course.dt
+            found.append(Linear(h, np.stack(columns, axis=2), nodes.seen, 1.0 / nodes.averaged))
         return found
 
-    def _fit_noise(self) -> list[tuple[Floats, float]]:
-        """Autoregression and level of every joint, everything that has a name free."""
-        count = len(self.vehicle.joints)
-        self._noise = [(np.zeros(ORDER), self.vehicle.noise[joint]) for joint in self.vehicle.joints]
-        missed = [self._missed(i, {}) for i in range(len(self.names))]
-        slopes = [
-            {key: self._slope(i, key, {}, missed[i]) for key in self.nominal} for i in range(len(self.names))
-        ]
-        width = np.array([max(self.spreads.get(k, 0.0), self.tolerances.get(k, 0.0)) for k in self.nominal])
+    def _whitened(
+        self, flight: int, defects: Sequence[Floats], slopes: Sequence[Sequence[Floats]]
+    ) -> tuple[Floats, Floats]:
+        """Innovations (N, J) in standard deviations, and what every slope takes off them (N, J, K)."""
+        found = []
+        for part, linear in enumerate(self._linear[flight]):
+            columns = np.stack([defects[part], *(slope[part] for slope in slopes)], axis=2)
+            found.append(innovations(linear, self._noise, columns)[0])
+        all_of_it = np.concatenate(found)
+        return all_of_it[:, :, 0], -all_of_it[:, :, 1:]
+
+    def _certify(self) -> Baseline:
+        """Fit the noise, everything that has a name free, and ask whether what is left is noise."""
+        rig, flights = self.vehicle, range(len(self.names))
+        width = {k: max(self.spreads.get(k, 0.0), self.tolerances.get(k, 0.0)) for k in self.nominal}
+        rough = np.array([rig.noise[joint] for joint in rig.joints])
+        start = self._noise = Noise(rough, 100.0 * rough, 30.0 * rough)
+        least = IMPERFECT * np.maximum(self._accelerations(), 50.0 * rough)
         for _ in range(ROUNDS):
-            j = np.concatenate(
-                [np.column_stack([self._whiten(i, s).ravel() for s in slopes[i].values()]) for i in range(len(missed))]
-            )
-            r = np.concatenate([self._whiten(i, m).ravel() for i, m in enumerate(missed)])
-            scaled = j * width
-            best = width * np.linalg.solve(np.eye(len(width)) + scaled.T @ scaled, scaled.T @ r)
-            left = [
-                m - np.tensordot(best, np.stack(list(s.values())), 1) for m, s in zip(missed, slopes, strict=True)
-            ]
-            self._noise = [_autoregression([part[:, k] for part in left]) for k in range(count)]
-        self._slopes = [dict(s) for s in slopes]
-        return self._noise
+            self._linear = [self._about(i, self._at) for i in flights]
+            defects = [self._defects(i, self._at) for i in flights]
+            parts = [(a, d) for i in flights for a, d in zip(self._linear[i], defects[i], strict=True)]
+            self._noise = fit_noise(parts, start, least)
+            moved = self._improved(width)
+            if all(abs(moved[k] - self._at.get(k, self.nominal[k])) < 0.1 * width[k] for k in moved):
+                break
+            self._at = moved
+        self._slopes = [{} for _ in self.names]
+        reasons = []
+        left = [self._whitened(i, self._defects(i, self._at), [])[0][SETTLING:] for i in flights]
+        for j, joint in enumerate(rig.joints):
+            square = float(np.mean(np.concatenate([part[:, j] for part in left]) ** 2))
+            memory = float(np.mean([np.mean(part[1:, j] * part[:-1, j]) for part in left])) / square
+            if square > UNJUDGED:
+                reasons.append(f"joints.{joint}: innovations are {square:.2f} times their noise (squared)")
+            elif abs(memory) > REMEMBERED:
+                reasons.append(f"joints.{joint}: neighbouring innovations are alike by {memory:.2f}")
+        noise = {f"joints.{joint}": (float(self._noise.angle[j]), "rad") for j, joint in enumerate(rig.joints)}
+        return Baseline(not reasons, "; ".join(reasons) or None, noise)
 
+    def _accelerations(self) -> Floats:
+        """Usual size (J,) [rad/s^2] of what the joints do."""
+        joints = len(self.vehicle.joints)
+        parts = [np.diff(n.states[:, joints:], axis=0) / (n.length * n.course.dt) for f in self._flights for n in f]
+        return np.asarray(np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0)), float)
 
-def _autoregression(parts: Sequence[Floats]) -> tuple[Floats, float]:
-    """Weights of the last ORDER values, and the level of what is new, robust against a few large ones."""
-    x = np.concatenate([np.column_stack([p[ORDER - k : len(p) - k] for k in range(1, ORDER + 1)]) for p in parts])
-    y = np.concatenate([p[ORDER:] for p in parts])
-    weights = np.linalg.solve(x.T @ x + 1e-12 * np.eye(ORDER), x.T @ y)
-    left = y - x @ weights
-    most = 4.0 * 1.48 * float(np.median(np.abs(left)))
-    return weights, max(float(np.sqrt(np.mean(np.clip(left, -most, most) ** 2))), 1e-9)
+    def _improved(self, width: Mapping[str, float]) -> dict[str, float]:
+        """Everything that has a name one step better, about where it is."""
+        keys = [key for key in width if width[key] > 0.0]
+        at = np.array([self._at.get(key, self.nominal[key]) for key in keys])
+        nominal = np.array([self.nominal[key] for key in keys])
+        d = np.array([width[key] for key in keys])
+        self._slopes = [{} for _ in self.names]
+        rows = [self.rows(i, self._at) for i in range(len(self.names))]
+        j = np.concatenate([np.column_stack([r.signatures[key] for key in keys]) for r in rows]) * d
+        r = np.concatenate([part.residual for part in rows])
+
+        def cost(values: Floats) -> float:
+            spent = float((((values - nominal) / d) ** 2).sum())
+            return self._square(dict(zip(keys, values.tolist(), strict=True))) + spent
+
+        spent = (at - nominal) / d
+        square = j.T @ j
+        before = cost(at)
+        for damping in DAMPINGS:
+            damped = np.eye(len(d)) + square + damping * np.diag(np.diag(square))
+            there = self._within(keys, at, d, damped, j.T @ r - spent)
+            if cost(there) < before:
+                return dict(zip(keys, there.tolist(), strict=True))
+        return dict(zip(keys, at.tolist(), strict=True))
 
 
 def open_bench(logs: Mapping[str, Mapping[str, Table]], vehicle: Rig, like: Bench | None = None) -> RigBench:

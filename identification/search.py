@@ -46,7 +46,8 @@ class Search:
         key = tuple(sorted(names))
         if key not in self.refits:
             chosen = [self.causes[name] for name in key]
-            base = {} if key == () else dict(self.null.at)
+            begin = getattr(self.bench, "start", None)
+            base = begin(key) if begin else ({} if key == () else dict(self.null.at))
             self.refits[key] = refit(self.bench, chosen, base | dict(start or {}))
         return self.refits[key]
 
@@ -84,7 +85,7 @@ class Search:
 
     def _choose(self) -> Names:
         """The best of all sets, where there are few: the linear best of each size are refitted."""
-        competition = self.competition()
+        competition = getattr(self.bench, "competition", self.competition)()
         tried: list[Names] = [()]
         for size in range(1, MOST + 1):
             scores = [competition.score(*names) for names in combinations(sorted(self.causes), size)]

@@ -208,7 +208,10 @@ def _vector(reader: Reader, number: Number, unit: str, key: str, low: float) -> 
         reader.fail(f"{key}.tolerance", f"must be one number or 3 (got {given})")
     spread = reader.vector(number.model_copy(update={"value": [float(v) for v in given]}), unit, key)
     return {
-        f"{key}.{i}": RigNumber(float(values[i]), unit, float(spread[i]), max(low, 0.01 * float(values[i])), 1e3)
+        # inertias stay above nothing; a centre of mass may lie on either side
+        f"{key}.{i}": RigNumber(
+            float(values[i]), unit, float(spread[i]), max(low, 0.01 * float(values[i])) if low >= 0.0 else low, 1e3
+        )
         for i in range(3)
     }
 

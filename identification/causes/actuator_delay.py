@@ -12,3 +12,17 @@ CAUSE = Cause(
         "clock_offset": "a turn by hand with the rotor stopped: the clocks of the sensors alone",
     },
 )
+
+
+def of_input(name: str, number: int, inputs: int) -> Cause:
+    """The same for one input of a rig, the `number`-th of so many."""
+    return Cause(
+        name=f"actuator_delay#{name}",
+        where="timing",
+        parameters=(Parameter("delay", "s", f"terms.actuator_lag.{name}.delay", 0.15),),
+        about=f"pure delay of the input {name}",
+        kinds=("rig",),
+        fixed={"input": number},
+        alike=inputs,
+        split_by={"actuator_lag": "steps of that input by itself: a lag rounds the answer, a delay shifts it"},
+    )
