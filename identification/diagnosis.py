@@ -12,6 +12,7 @@ from flightlog.tables import Table
 from identification.bench import Bench
 from identification.classes import confusable, rivals, shares
 from identification.counts import Counted, count
+from identification.credible import doubt
 from identification.helicopter import HelicopterBench
 from identification.null import THRESHOLD, UNJUDGED
 from identification.regions import lost
@@ -76,7 +77,8 @@ def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float) -> Diagnosis:
     bench = open_bench(logs, vehicle)
     search = Search(bench, threshold)
     best: Names = search.run() if bench.baseline.certified else ()
-    reason = _unfit(search, best) if bench.baseline.certified else bench.baseline.reason
+    certified = bench.baseline.certified
+    reason = (_unfit(search, best) or doubt(search, best)) if certified else bench.baseline.reason
     if reason is not None:
         best = ()
     causes = [_asserted(search, best, name) for name in best]

@@ -8,7 +8,7 @@ import pyarrow as pa
 
 from flightlog.errors import UserError
 from flightlog.tables import Table
-from identification.intake import axes, clocks, heights
+from identification.intake import axes, clocks, heights, motion
 from identification.intake.rows import REACH, cleaned
 from identification.logs import Flights
 from identification.parity import alignment
@@ -43,8 +43,8 @@ def _sound(name: str, tables: Mapping[str, Table], vehicle: AnyVehicle | None, n
             why = [note.partition(": ")[2] for note in notes if note.startswith(clock) and topic in note]
             reason = why[0] if why else f"has no topic {topic}"
             raise UserError(f"{name}: {reason}: a {kind} needs {', '.join(needed)}")
-    if kind == "helicopter":
-        axes.sticks(name, tables)
+    if isinstance(vehicle, Vehicle):
+        axes.sticks(name, tables, vehicle)
     for topic, table in tables.items():
         lacking = [c for c in REACH.get(topic, ()) if topic in needed and not _says(table, c)]
         if lacking:
@@ -66,6 +66,7 @@ def _sound(name: str, tables: Mapping[str, Table], vehicle: AnyVehicle | None, n
         _completed(name, kept, helicopter, notes)
     if kind != "rig":
         axes.check(name, kept, helicopter, notes)
+        motion.check(name, kept)
         _heights(name, kept, notes)
     return kept
 

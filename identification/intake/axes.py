@@ -20,12 +20,16 @@ UP = 0.5  # share of the force along the mast, below which axes are others
 CALM = 2.0  # [rad/s] that half of all rates are below
 SPEED = 0.35  # by which a rotor's speed may be off its nominal one
 WITHIN = 0.12  # of a factor between units
-REACH = 1.5  # of a ranger's, which none reports
+REACH = 1.2  # of a ranger's, which none reports in one row of ten
 DIP = 35.0  # [deg] by which the angle between force and field may be off
+FEWEST = 10  # rows
+SLOWEST = 0.04  # [s] between rows of the inertial sensor
 GRID = 0.02  # [s]
 SPAN = 0.5  # [s] over which the field's turning is averaged
 WORST = 1e6  # condition of three rates against the field
 OFF, SURE = 0.5, 5.0  # of a rate against the field's, and in standard deviations
+BEYOND, OFTEN = 1.3, 0.1  # of a control's stop, in this share of the rows
+STOPS = {"collective": "collective_max", "lateral": "cyclic_max", "longitudinal": "cyclic_max", "tail": "tail_max"}
 CONTROLS = {"collective": 1.0, "lateral": 1.0, "longitudinal": 1.0, "tail": 1.2}  # [rad]
 
 
@@ -39,7 +43,12 @@ def check(name: str, tables: MutableMapping[str, Table], vehicle: Vehicle | None
     if vehicle is not None:
         _rotor(name, tables, vehicle)
         _ranger(name, tables, vehicle)
-    if "imu" in tables:
+    if "imu" in tables and len(tables["imu"]) >= FEWEST:
+        step = float(np.median(np.diff(tables["imu"]["t"])))
+        if vehicle is not None and step > SLOWEST:
+            raise UserError(
+                f"{name}: imu: a row every {step:.3g} s; one every {SLOWEST:g} s or more often would be right"
+            )
         if "mag" in tables and vehicle is not None:
             _dip(name, tables, notes)
         _rates(name, tables)
@@ -66,11 +75,18 @@ def _force(name: str, imu: Table) -> None:
     raise UserError(f"{said}: axes are likely swapped")
 
 
-def sticks(name: str, tables: Tables) -> None:
+def sticks(name: str, tables: Tables, vehicle: Vehicle) -> None:
     """Raise UserError for controls of a helicopter in another unit."""
     table = tables.get("controls")
     if table is None:
         return
+    stops = vehicle.parameters.get("servo", {})
+    for column, stop in STOPS.items():
+        if column not in table or stop not in stops:
+            continue
+        values = np.asarray(table[column], float)
+        if float(np.mean(np.abs(values[np.isfinite(values)]) > BEYOND * stops[stop])) > OFTEN:
+            _too_far(name, column, values, stops[stop], vehicle)
     for column, most in CONTROLS.items():
         values = np.abs(np.asarray(table[column], float)) if column in table else np.zeros(0)
         values = values[np.isfinite(values)]
@@ -85,6 +101,14 @@ def sticks(name: str, tables: Tables) -> None:
         raise UserError(
             f"{name}: controls.throttle: {np.median(throttle):.3g} on the median; it lies in 0 .. 1: likely percent"
         )
+
+
+def _too_far(name: str, column: str, values: Floats, stop: float, vehicle: Vehicle) -> None:
+    most = float(np.nanpercentile(np.abs(values), 95.0))
+    likely = "it is likely in deg" if most > 1.0 else "it is likely a share of full travel, or another vehicle's"
+    raise UserError(
+        f"{name}: controls.{column}: {most:.3g} rad and more; the stop of {vehicle.name} is at {stop:.3g} rad: {likely}"
+    )
 
 
 def _rotor(name: str, tables: Tables, vehicle: Vehicle) -> None:
@@ -112,10 +136,10 @@ def _ranger(name: str, tables: Tables, vehicle: Vehicle) -> None:
     values = values[np.isfinite(values)]
     if not len(values):
         return
-    most = float(np.percentile(values, 99.0))
-    if most <= REACH * reach:
+    most = float(np.percentile(values, 90.0))
+    ratio = most / reach
+    if ratio <= REACH:
         return
-    ratio = float(np.percentile(values, 90.0)) / reach
     unit = "mm" if ratio > 300.0 else "cm" if ratio > 10.0 else "ft" if ratio > 2.5 else None
     likely = f": it is likely in {unit}" if unit else ": another ranger, or another unit"
     raise UserError(f"{name}: sonar.range: reaches {most:.4g} m; the one of {vehicle.name} reaches {reach:g} m{likely}")
@@ -152,8 +176,6 @@ def _smooth(table: Table, column: str, span: float) -> Floats:
 def _rates(name: str, tables: Tables) -> None:
     """Rates that are too large for any calm flight; and against the field, which only turns as the body does."""
     imu = tables["imu"]
-    if len(imu) < 10:
-        return
     rates = np.column_stack([_smooth(imu, axis, SPAN) for axis in ("wx", "wy", "wz")])
     usual = float(np.median(np.linalg.norm(rates, axis=1)))
     if usual > CALM:

@@ -1,0 +1,56 @@
+"""Whether what is left under the best explanation can be a flight of this vehicle at all.
+
+Noise is fitted to whatever no cause explains. Where that takes far more than any flight of a sound model does, or where
+one sensor contradicts all others, log and vehicle do not belong together (swapped columns, another clock, another
+vehicle) and the best of wrong explanations is not asserted.
+"""
+
+import numpy as np
+
+from identification.evidence import DRIVEN
+from identification.helicopter import HelicopterBench
+from identification.regions import left_over
+from identification.search import Names, Search
+
+FEWEST = 30  # rows of a channel that is looked at
+CONTRADICTED = 5.0  # mean square of a sensor's innovations, in those expected
+# [rad/s] that rates change by no cause in a node of 0.04 s: sound models below 0.002, wrong ones up to 0.02 and 0.01
+SHAKEN = (0.02, 0.014, 0.025)
+PLAY = 5.0  # times as much where servos have play
+
+
+def doubt(search: Search, best: Names) -> str | None:
+    """Why even the best explanation cannot be trusted; None where it can."""
+    return _shaken(search, best) or _contradicted(search, best)
+
+
+def _shaken(search: Search, best: Names) -> str | None:
+    bench = search.bench
+    if not isinstance(bench, HelicopterBench):
+        return None
+    # play is not in the model along which noise is fitted
+    share = PLAY if "actuator_deadband" in best else 1.0
+    for axis, found, usual in zip("xyz", bench.noise.process[3:6], SHAKEN, strict=True):
+        most = share * usual
+        if found > most:
+            return (
+                f"controls and rates about {axis} have little to do with each other: {found / most:.1f} times what any "
+                "flight of a sound model leaves open; swapped, of another clock, flight or vehicle, or in another unit"
+            )
+    return None
+
+
+def _contradicted(search: Search, best: Names) -> str | None:
+    rows = left_over(search.bench, search.fit(best))
+    if not isinstance(search.bench, HelicopterBench):
+        return None
+    for number, channel in sorted(search.bench.channels.items()):
+        if number >= DRIVEN:
+            continue
+        left = np.concatenate([part[(item.channel == number) & (item.residual != 0.0)] for item, part in rows])
+        if len(left) >= FEWEST and float(np.mean(left**2)) > CONTRADICTED:
+            return (
+                f"{channel.name} contradicts all else: innovations {np.mean(left**2):.1f} times as large as expected "
+                "(squared) under the best explanation; another clock, unit or axis, or a fault of no known kind"
+            )
+    return None
