@@ -10,8 +10,10 @@ from identification import evidence as ev
 from identification.bench import Baseline, Bench, Channel
 from identification.causes.contract import Cause
 from identification.multirotor import noise as nz
+from identification.multirotor import quick
 from identification.multirotor.causes import testable
 from identification.multirotor.flight import CHANNELS, UNITS, Flight, has_imu, prepare
+from identification.multirotor.quick import Moving
 from identification.stack import Rows, stack
 from sim.multirotor.file import Multirotor
 
@@ -36,7 +38,6 @@ CHARGED = (
 )
 DRIVERS = {"time": "s", "height": "m", "speed": "m/s", "voltage": "V"}
 REFERENCE = "terms.battery_sag.reference"
-MOVING = "inertia", "terms.motor"  # what a balance does not show
 WHITE = 0.25  # largest correlation of neighbours among what is left of a channel
 
 
@@ -53,6 +54,14 @@ class MultirotorBench:
         self.names: Sequence[str] = list(logs)
         by_estimate = not all(has_imu(tables) for tables in logs.values())
         self.flights: list[Flight] = [prepare(name, tables, vehicle, by_estimate) for name, tables in logs.items()]
+        moving = not (by_estimate or vehicle.by_speed)  # measured speeds are behind what a lag delays
+        self._moving: Moving | None = (
+            Moving(
+                [quick.prepare(f, tables, vehicle) for f, tables in zip(self.flights, logs.values(), strict=True)],
+                vehicle, like._moving if like is not None else None,
+            )
+            if moving else None
+        )  # fmt: skip
         topics = set.intersection(*(set(tables) for tables in logs.values()))
         if any(np.isnan(flight.voltage).any() for flight in self.flights):
             topics -= {"battery"}
@@ -63,7 +72,7 @@ class MultirotorBench:
         }
         own = {p.key: p for cause in self.causes for p in cause.parameters}
         numbers = vehicle.numbers
-        hidden = ("terms.repeatability", "terms.handled", *MOVING)
+        hidden = ("terms.repeatability", "terms.handled", "inertia", *(() if moving else ("terms.motor",)))
         self.tolerances: Mapping[str, float] = {
             key: number.tolerance
             for key, number in numbers.items()
@@ -83,6 +92,13 @@ class MultirotorBench:
 
     def rows(self, flight: int, changes: Mapping[str, float], fresh: Collection[str] = ()) -> Rows:
         """See `Bench.rows`."""
+        found = self._balance(flight, changes, fresh)
+        if self._moving is None:
+            return found
+        return _both(found, self._moving.rows(flight, changes, bool({*quick.KEYS} & {*fresh}), list(self.nominal)))
+
+    def _balance(self, flight: int, changes: Mapping[str, float], fresh: Collection[str] = ()) -> Rows:
+        """The rows about the balance."""
         self._linearise(flight, changes, fresh)
         item, slopes = self.flights[flight], self._slopes[flight]
 
@@ -114,7 +130,7 @@ class MultirotorBench:
         well the balance repeats is taken from their scatter.
         """
         keys = [key for keys in REPEATED.values() for key in keys]
-        keys += [key for key in ALSO if self.tolerances.get(key, 0.0) > 0.0]
+        keys += [key for key in (*ALSO, *quick.KEYS) if self.tolerances.get(key, 0.0) > 0.0]
         wide = {key: max(self.tolerances.get(key, 0.0), WIDE * self.spreads.get(key, 0.0)) for key in keys}
         wide = {key: std if std > 0.0 else self._repeated(key) / SURE for key, std in wide.items()}
         at = {key: self.nominal.get(key, self.vehicle.numbers[key].value) for key in keys}
@@ -260,7 +276,7 @@ class MultirotorBench:
         """What all flights leave, in their own units, once everything free was fitted to each."""
         found = []
         for i in range(len(self.flights)):
-            values, local, _ = ev.solve(self.rows(i, {}), std)
+            values, local, _ = ev.solve(self._balance(i, {}), std)
             columns, _ = self._local(i)
             parts = [part.copy() for part in self._residual(i, {})]
             for c in range(len(parts)):
@@ -286,6 +302,21 @@ class MultirotorBench:
                 reason = f"what is left of {CHANNELS[number]} is no noise: neighbours are correlated by {near:.2f}"
                 return Baseline(False, reason, levels)
         return Baseline(True, None, levels)
+
+
+def _both(balance: Rows, moving: Rows) -> Rows:
+    """One behind the other, each with what is free in it alone."""
+    rows, locals_ = len(balance.residual), len(balance.local_std)
+    local = np.zeros((rows + len(moving.residual), locals_ + len(moving.local_std)))
+    local[:rows, :locals_], local[rows:, locals_:] = balance.local, moving.local
+    return Rows(
+        residual=np.concatenate([balance.residual, moving.residual]),
+        signatures={key: np.concatenate([own, moving.signatures[key]]) for key, own in balance.signatures.items()},
+        local=local,
+        local_std=np.concatenate([balance.local_std, moving.local_std]),
+        channel=np.concatenate([balance.channel, moving.channel]),
+        t=np.concatenate([balance.t, moving.t]),
+    )
 
 
 def open_bench(

@@ -8,7 +8,8 @@ Whoever flies cancels the air's disturbances by commands, and answers the noise 
 fluctuate more than the vehicle does. A model that answered less would seem better. Numbers are therefore judged by
 balances: about M(u; n), n nominal, the model moves as it does at the flight's mean commands s and the voltage's slow
 course, M(u; n) + M(s; theta) - M(s; n). For the same reason what a passing load takes off the voltage is put back
-first: a gust that is answered by less command would raise the voltage, and look like sag.
+first: a gust that is answered by less command would raise the voltage, and look like sag. And the speed that counts for
+a node is that at its beginning, which the gust within it has not made.
 """
 
 from collections.abc import Mapping, Sequence
@@ -63,6 +64,7 @@ class Flight:
     """A flight prepared: M samples of input, K nodes in the air."""
 
     name: str
+    begins: float  # [s] of the first sample
     inputs: Inputs
     slow: Inputs  # settled
     per_node: int  # samples
@@ -112,7 +114,7 @@ def prepare(name: str, tables: Mapping[str, Table], craft: Multirotor, by_estima
     per_node = max(round(length / step), 1)
     step = length / per_node
     grid = np.arange(t[0], t[-1], step)
-    commands = np.column_stack([_on(grid, t, np.asarray(table[c], float)) for c in columns])
+    commands = np.column_stack([on(grid, t, np.asarray(table[c], float)) for c in columns])
     if not np.isfinite(commands).all():
         raise UserError(f"{name}: {topic}: no numbers in {', '.join(columns)}")
     if not craft.by_speed and (np.nanmax(commands) > 1.01 or np.nanmin(commands) < -0.01):
@@ -142,7 +144,7 @@ def prepare(name: str, tables: Mapping[str, Table], craft: Multirotor, by_estima
     if not any(s.channel == CHANNELS.index("force_z") for s in seen):
         raise UserError(f"{name}: nothing says how it climbs: imu.fz, or u or vu of estimate or reference, would")
     return Flight(
-        name, inputs, _settled(inputs, first, spans, per_node), per_node, first, spans,
+        name, float(grid[0]), inputs, _settled(inputs, first, spans, per_node), per_node, first, spans,
         node(grid), seen, by_estimate, node(motion.height), node(motion.speed), node(inputs.voltage), _rest(inputs),
     )  # fmt: skip
 
@@ -172,7 +174,10 @@ def _settled(inputs: Inputs, first: Ints, spans: Sequence[tuple[int, int]], per_
         narrow, wide = (min(max(round(w / inputs.step), 1), s.stop - s.start) for w in (SMOOTH, PASSING))
         passing = load[s] - uniform_filter1d(load[s], wide, mode="nearest")
         voltage[s] = uniform_filter1d(voltage[s] + drop * passing, narrow, mode="nearest")
-    return replace(inputs, commands=np.broadcast_to(mean, inputs.commands.shape), voltage=voltage)
+    velocity = inputs.velocity.copy()
+    for k in first:
+        velocity[k : k + per_node] = velocity[k]
+    return replace(inputs, commands=np.broadcast_to(mean, inputs.commands.shape), voltage=voltage, velocity=velocity)
 
 
 def _drop(loads: Sequence[Floats], voltages: Sequence[Floats], width: int) -> float:
@@ -189,7 +194,8 @@ def _rest(inputs: Inputs) -> float:
     return float(np.median(inputs.voltage[:idle])) if idle * inputs.step >= RESTED else float("nan")
 
 
-def _on(grid: Floats, t: Floats, values: Floats) -> Floats:
+def on(grid: Floats, t: Floats, values: Floats) -> Floats:
+    """A column brought to a grid of times; NaN where there is nothing."""
     good = np.isfinite(values)
     return np.interp(grid, t[good], values[good]) if good.sum() > 1 else np.full(len(grid), np.nan)
 
@@ -197,7 +203,7 @@ def _on(grid: Floats, t: Floats, values: Floats) -> Floats:
 def _column(tables: Mapping[str, Table], topic: str, name: str, grid: Floats) -> Floats:
     if topic not in tables or name not in tables[topic]:
         return np.full(len(grid), np.nan)
-    return _on(grid, np.asarray(tables[topic]["t"], float), np.asarray(tables[topic][name], float))
+    return on(grid, np.asarray(tables[topic]["t"], float), np.asarray(tables[topic][name], float))
 
 
 def _stretches(flying: NDArray[np.bool_], per_node: int, edge: int) -> tuple[Ints, list[tuple[int, int]]]:

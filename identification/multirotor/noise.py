@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 Floats = NDArray[np.float64]
 
-ORDER = 3  # nodes
+ORDER = 3  # nodes, where nothing else is said
 RIDGE = 1e-3  # of the variance, white, so that a differentiated signal has an inverse
 BLOCK = 7  # nodes that are averaged to see what slow noise the autoregression has missed
 
@@ -21,8 +21,8 @@ Spans = Sequence[tuple[int, int]]
 class Autoregression:
     """r_t = sum a_i r_(t-i) + std e_t."""
 
-    lags: Floats  # (ORDER,) autocovariance from lag 0 on
-    coefficients: Floats  # (ORDER,)
+    lags: Floats  # (P,) autocovariance from lag 0 on
+    coefficients: Floats  # (P,)
     std: float
 
     def whiten(self, values: Floats, spans: Spans) -> Floats:
@@ -32,15 +32,17 @@ class Autoregression:
         start = cholesky(toeplitz(self.lags), lower=True)
         for a, b in spans:
             found[a:b] = lfilter(taps, [1.0], values[a:b], axis=0) / self.std
-            found[a : a + ORDER] = solve_triangular(start, values[a : a + ORDER], lower=True)
+            head = slice(a, min(a + len(self.lags), b))
+            count = head.stop - a
+            found[head] = solve_triangular(start[:count, :count], values[head], lower=True)
         return found
 
 
-def fit(parts: Sequence[Floats], spans: Sequence[Spans]) -> Autoregression:
+def fit(parts: Sequence[Floats], spans: Sequence[Spans], order: int = ORDER) -> Autoregression:
     """By Yule and Walker from the residuals (K_i,) of several flights, each about nothing."""
     stretches = [part[a:b] for part, of in zip(parts, spans, strict=True) for a, b in of]
     total = sum(len(part) for part in stretches)
-    lags = sum(np.array([part[lag:] @ part[: len(part) - lag] for lag in range(ORDER + 1)]) for part in stretches)
+    lags = sum(np.array([part[lag:] @ part[: len(part) - lag] for lag in range(order + 1)]) for part in stretches)
     lags = np.asarray(lags, float) / total
     lags[0] = max(lags[0] * (1.0 + RIDGE), 1e-12)
     coefficients = np.asarray(solve_toeplitz(lags[:-1], lags[1:]))
@@ -51,11 +53,11 @@ def fit(parts: Sequence[Floats], spans: Sequence[Spans]) -> Autoregression:
     return Autoregression(lags[:-1] * more**2, coefficients, std * more)
 
 
-def white(parts: Sequence[Floats], spans: Sequence[Spans]) -> Autoregression:
+def white(parts: Sequence[Floats], spans: Sequence[Spans], order: int = ORDER) -> Autoregression:
     """To begin with: as large as neighbours differ by, so that a slow course is not taken for noise."""
     steps = np.concatenate([np.diff(part[a:b]) for part, of in zip(parts, spans, strict=True) for a, b in of])
     std = max(float(np.sqrt(np.mean(steps**2) / 2.0)), 1e-6)
-    return Autoregression(np.r_[std**2, np.zeros(ORDER - 1)], np.zeros(ORDER), std)
+    return Autoregression(np.r_[std**2, np.zeros(order - 1)], np.zeros(order), std)
 
 
 def _slow(parts: Sequence[Floats]) -> float:
