@@ -1,0 +1,164 @@
+"""How much every unknown effect explains on top of a hypothesis, in the same likelihood as that of the causes.
+
+An effect is a curve of one driver in one way, with a prior on how large and how wiggly it is. Everything that the
+hypothesis leaves free is eliminated, flight by flight what belongs to the flight, then what all share:
+
+    log p(r | curve) = 1/2 b' (I + D G D)^-1 b' - 1/2 log |I + D G D|,   b' = D b,   D = size / j
+
+with G and b of the curve's functions j after elimination, averaged over a few sizes and numbers of functions.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from identification.search import Names, Search
+from identification.unknown.bank import Bank, Columns
+from identification.unknown.basis import FUNCTIONS, Basis, basis
+
+Floats = NDArray[np.float64]
+
+SIZES = (2.0, 5.0, 12.0, 30.0, 80.0, 200.0)  # in standard deviations of the best determined function
+NUMBERS = (1, 2, FUNCTIONS)  # of functions
+SHRINK = 1.0 / np.arange(1, FUNCTIONS + 1)
+
+Place = tuple[str, str]  # way, driver
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """What the flights say of some columns' weights (C,), all else eliminated."""
+
+    information: Floats  # (C, C)
+    score: Floats  # (C,)
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """A curve at its best."""
+
+    nats: float  # log evidence over no such effect
+    mean: Floats  # (S,) weights of the functions
+    covariance: Floats  # (S, S)
+    std: Floats  # (S,) the prior that suits it best
+    strength: float  # d'
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """An unknown effect that is taken as there."""
+
+    place: Place
+    std: Floats  # (S,) prior of its functions' weights
+
+
+class Elimination:
+    """A set of causes at its best values, and everything it leaves free taken out of what is held against it."""
+
+    def __init__(
+        self, search: Search, names: Names, bank: Bank, bases: Mapping[str, Basis], effects: Sequence[Effect] = ()
+    ) -> None:
+        """Of all flights; effects: found already, free with the rest."""
+        bench, fit = search.bench, search.fit(names)
+        own = {p.key for name in names for p in search.causes[name].parameters}
+        free = dict(bench.tolerances) | {key: bench.spreads[key] for key in own}
+        self._designs: list[Floats] = []  # by flight: locals, shared, residual
+        self._grams: list[Floats] = []  # of the locals
+        self._solved: list[Floats] = []  # what locals take of shared and residual
+        left: list[Floats] = []
+        for i in range(len(bench.names)):
+            rows = bench.rows(i, fit.at)
+            keys = [key for key in rows.signatures if free.get(key, 0.0) > 0.0]
+            shared = np.column_stack([rows.signatures[key] * free[key] for key in keys])
+            shift = np.array([(fit.at[key] - bench.nominal[key]) / free[key] if key in fit.at else 0.0 for key in keys])
+            residual = rows.residual + rows.local @ rows.at + shared @ shift
+            more = [_whole(bank, bases, effect, i, len(residual)) for effect in effects]
+            design = np.column_stack([rows.local * rows.local_std, shared, *more, residual])
+            local = len(rows.local_std)
+            square = design.T @ design
+            gram = np.eye(local) + square[:local, :local]
+            solved = np.linalg.solve(gram, square[:local, local:])
+            left.append(square[local:, local:] - square[local:, :local] @ solved)
+            self._designs.append(design)
+            self._grams.append(gram)
+            self._solved.append(solved)
+        total: Floats = np.sum(left, axis=0)
+        self._factor = cho_factor(np.eye(len(total) - 1) + total[:-1, :-1])
+        self._pulled = cho_solve(self._factor, total[:-1, -1])
+
+    def moments(self, parts: Sequence[Columns]) -> Moments:
+        """Of the same columns on every flight."""
+        inner: list[Floats] = []
+        outer: list[Floats] = []
+        for part, design, gram, solved in zip(parts, self._designs, self._grams, self._solved, strict=True):
+            raw, local = part.values.T @ design[part.rows], len(gram)
+            inner.append(part.values.T @ part.values - raw[:, :local] @ np.linalg.solve(gram, raw[:, :local].T))
+            outer.append(raw[:, local:] - raw[:, :local] @ solved)
+        cross: Floats = np.sum(outer, axis=0)
+        found: Floats = np.sum(inner, axis=0) - cross[:, :-1] @ cho_solve(self._factor, cross[:, :-1].T)
+        return Moments(0.5 * (found + found.T), cross[:, -1] - cross[:, :-1] @ self._pulled)
+
+
+def _whole(bank: Bank, bases: Mapping[str, Basis], effect: Effect, flight: int, rows: int) -> Floats:
+    """(rows, S) an effect's functions, in standard deviations of their prior."""
+    way, driver = effect.place
+    part = bank.columns(flight, way, bases[driver](bank.drivers(flight)[driver].values) * effect.std)
+    whole = np.zeros((rows, part.values.shape[1]))
+    whole[part.rows] = part.values
+    return whole
+
+
+def weigh(moments: Moments) -> Weighed:
+    """The evidence of a curve, averaged over its prior's sizes and numbers of functions."""
+    g, b = moments.information, moments.score
+    scale = 1.0 / np.sqrt(max(float(np.diag(g).max()), 1e-300))
+    tried: list[tuple[float, float, int]] = []
+    for number in NUMBERS:
+        for size in SIZES:
+            d = scale * size * SHRINK[:number]
+            factor = cho_factor(np.eye(number) + d[:, None] * g[:number, :number] * d)
+            evidence = 0.5 * float((d * b[:number]) @ cho_solve(factor, d * b[:number]))
+            tried.append((evidence - float(np.log(np.diag(factor[0])).sum()), size, number))
+    nats = float(np.logaddexp.reduce(np.array([t[0] for t in tried]))) - math.log(len(tried))
+    _, size, number = max(tried)
+    std = scale * size * SHRINK * (np.arange(len(b)) < number)
+    covariance = np.zeros_like(g)
+    d = std[:number]
+    covariance[:number, :number] = d[:, None] * np.linalg.inv(np.eye(number) + d[:, None] * g[:number, :number] * d) * d
+    mean = covariance @ b
+    return Weighed(nats, mean, covariance, std, math.sqrt(max(float(mean @ g @ mean), 0.0)))
+
+
+def scan(
+    bank: Bank, bases: Mapping[str, Basis], eliminations: Sequence[Elimination], flights: int
+) -> list[dict[Place, Weighed]]:
+    """Every curve on top of every hypothesis; signatures are made once."""
+    shapes = [
+        np.column_stack([base(along[driver].values) for driver, base in bases.items()])
+        for along in (bank.drivers(i) for i in range(flights))
+    ]
+    found: list[dict[Place, Weighed]] = [{} for _ in eliminations]
+    for way in bank.ways:
+        parts = [bank.columns(i, way, shape) for i, shape in enumerate(shapes)]
+        for found_here, elimination in zip(found, eliminations, strict=True):
+            whole = elimination.moments(parts)
+            for n, driver in enumerate(bases):
+                own = slice(n * FUNCTIONS, (n + 1) * FUNCTIONS)
+                found_here[way, driver] = weigh(Moments(whole.information[own, own], whole.score[own]))
+    return found
+
+
+def over(bank: Bank, flights: int) -> dict[str, Basis]:
+    """Functions of every driver that moves, over what all flights visited."""
+    along = [bank.drivers(i) for i in range(flights)]
+    found = {}
+    for name in along[0]:
+        if all(name in item for item in along):
+            made = basis(np.concatenate([item[name].values for item in along]), along[0][name].near)
+            if made is not None:
+                found[name] = made
+    return found
