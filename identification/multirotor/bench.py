@@ -86,6 +86,7 @@ class MultirotorBench:
         self.nominal: Mapping[str, float] = {key: numbers[key].value for key in keys}
         self.units: Mapping[str, str] = {key: number.unit for key, number in numbers.items()}
         self._slopes: list[dict[str, list[Floats]]] = [{} for _ in self.flights]
+        self._whitened: list[tuple[dict[str, Floats], Floats, Floats] | None] = [None for _ in self.flights]
         self._noise: Mapping[int, nz.Autoregression]
         self._noise = like._noise if like is not None else self._fit_noise()
         self.baseline = self._judge()
@@ -100,17 +101,13 @@ class MultirotorBench:
     def _balance(self, flight: int, changes: Mapping[str, float], fresh: Collection[str] = ()) -> Rows:
         """The rows about the balance."""
         self._linearise(flight, changes, fresh)
-        item, slopes = self.flights[flight], self._slopes[flight]
-
-        def white(parts: Sequence[Floats]) -> Floats:
-            return self._whiten(item, parts)
-
-        local, std = self._local(flight)
+        item = self.flights[flight]
+        signatures, local, std = self._white(flight)
         count = len(item.t)
         return Rows(
-            residual=white(self._residual(flight, changes)),
-            signatures={key: white(slopes[key]) for key in self.nominal},
-            local=np.column_stack([white(parts) for parts in local]),
+            residual=self._whiten(item, self._residual(flight, changes)),
+            signatures=signatures,
+            local=local,
             local_std=std,
             channel=np.repeat([s.channel for s in item.seen], count),
             t=np.tile(item.t, len(item.seen)),
@@ -215,8 +212,20 @@ class MultirotorBench:
         found = {"time": item.t - item.t[0], "height": item.height, "speed": item.speed, "voltage": item.voltage}
         return {name: values for name, values in found.items() if np.isfinite(values).all()}
 
+    def _white(self, flight: int) -> tuple[dict[str, Floats], Floats, Floats]:
+        """Signatures (R,) by key, locals (R, L) and their deviations (L,), as long as slopes and noise are the same."""
+        known = self._whitened[flight]
+        if known is None:
+            item, slopes = self.flights[flight], self._slopes[flight]
+            local, std = self._local(flight)
+            columns = [*(slopes[key] for key in self.nominal), *local]
+            whole = self._whiten(item, [np.column_stack([c[i] for c in columns]) for i in range(len(item.seen))])
+            signatures = {key: whole[:, i].copy() for i, key in enumerate(self.nominal)}
+            known = self._whitened[flight] = signatures, whole[:, len(self.nominal) :].copy(), std
+        return known
+
     def _whiten(self, item: Flight, parts: Sequence[Floats]) -> Floats:
-        """Channels (K,) one behind the other as whitened rows (R,)."""
+        """Channels (K, ...) one behind the other as whitened rows (R, ...)."""
         pairs = zip(item.seen, parts, strict=True)
         return np.concatenate([self._noise[s.channel].whiten(part, item.spans) for s, part in pairs])
 
@@ -231,6 +240,7 @@ class MultirotorBench:
         wanted = [key for key in self.nominal if key in fresh or key not in known]
         if not wanted:
             return
+        self._whitened[flight] = None
         item, values = self.flights[flight], self.vehicle.values(changes)
         base = item.expected(self.vehicle, values)
         for key in wanted:
@@ -270,6 +280,7 @@ class MultirotorBench:
         for _ in range(ROUNDS):
             left = self._left(wide)
             self._noise = {channel: nz.fit([parts[c] for parts in left], spans) for c, channel in enumerate(channels)}
+            self._whitened = [None for _ in self.flights]
         return dict(self._noise)
 
     def _left(self, std: Mapping[str, float]) -> list[list[Floats]]:

@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_toeplitz, solve_triangular, toeplitz
-from scipy.signal import lfilter
+from scipy.linalg import solve_toeplitz, toeplitz
 
 Floats = NDArray[np.float64]
 
@@ -25,16 +25,22 @@ class Autoregression:
     coefficients: Floats  # (P,)
     std: float
 
+    @cached_property
+    def _start(self) -> Floats:
+        """(P, P) what whitens the first P values."""
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(toeplitz(self.lags))))
+
     def whiten(self, values: Floats, spans: Spans) -> Floats:
         """Rows (K, ...) -> (K, ...), each stretch for itself; its first rows as the stationary process has them."""
         found = np.empty_like(values)
-        taps = np.concatenate([[1.0], -self.coefficients])
-        start = cholesky(toeplitz(self.lags), lower=True)
         for a, b in spans:
-            found[a:b] = lfilter(taps, [1.0], values[a:b], axis=0) / self.std
-            head = slice(a, min(a + len(self.lags), b))
-            count = head.stop - a
-            found[head] = solve_triangular(start[:count, :count], values[head], lower=True)
+            own = values[a:b]
+            left = own.copy()
+            for lag, coefficient in enumerate(self.coefficients, 1):
+                left[lag:] -= coefficient * own[:-lag]
+            found[a:b] = left / self.std
+            head = min(len(self.lags), b - a)
+            found[a : a + head] = np.tensordot(self._start[:head, :head], own[:head], axes=1)
         return found
 
 

@@ -112,6 +112,7 @@ class Moving:
         self.items = items
         self._craft = craft
         self._slopes: list[dict[str, Floats]] = [self.slopes(i, {}) for i in range(len(items))]
+        self._whitened: list[Floats | None] = [None for _ in items]
         self.noise: Sequence[nz.Autoregression] = like.noise if like is not None else self._fit()
         self._open = [self._answered(i) for i in range(len(items))]
 
@@ -127,15 +128,15 @@ class Moving:
         own = {key: value for key, value in changes.items() if key in KEYS}
         if fresh:
             self._slopes[flight] = self.slopes(flight, own)
+            self._whitened[flight] = None
         left = item.measured - item.expected(self._craft, own)
+        local = self._columns(flight)
+        signatures = dict(zip(KEYS, local[:, -len(KEYS) :].T.copy(), strict=True))
         nothing = np.zeros(left.size)
-        slopes = self._slopes[flight]
         return Rows(
-            residual=self._white(item, left),
-            signatures={key: self._white(item, slopes[key]) if key in KEYS else nothing for key in keys},
-            local=np.column_stack(
-                [self._white(item, column) for column in (*item.local, *(slopes[key] for key in KEYS))]
-            ),
+            residual=self._white(item, left[..., None])[:, 0],
+            signatures={key: signatures.get(key, nothing) for key in keys},
+            local=local,
             local_std=np.r_[item.local_std, self._open[flight]],
             channel=np.repeat(SEEN, len(item.t)),
             t=np.tile(item.t, len(SEEN)),
@@ -153,7 +154,17 @@ class Moving:
         share = float(np.mean(np.minimum(power(self._without(flight)) / np.maximum(power(usual), 1e-12), 1.0)))
         return np.array([max(least, share * most) for least, most in (OPEN[key] for key in KEYS)])
 
+    def _columns(self, flight: int) -> Floats:
+        """(R, L) whitened: what is free beside, lag and delay; as long as slopes and noise are the same."""
+        known = self._whitened[flight]
+        if known is None:
+            item, slopes = self.items[flight], self._slopes[flight]
+            columns = np.concatenate([item.local, np.array([slopes[key] for key in KEYS])])
+            known = self._whitened[flight] = self._white(item, np.moveaxis(columns, 0, -1))
+        return known
+
     def _white(self, item: Quick, parts: Floats) -> Floats:
+        """(C, B, L) -> (R, L)."""
         return np.concatenate([self.noise[c].whiten(part, item.spans) for c, part in enumerate(parts)])
 
     def _fit(self) -> Sequence[nz.Autoregression]:
@@ -163,6 +174,7 @@ class Moving:
         for turn in range(ROUNDS + 1):
             parts = [[part[c] - part[c].mean() for part in left] for c in range(len(SEEN))]
             self.noise = [nz.fit(part, spans, ORDER) if turn else nz.white(part, spans, ORDER) for part in parts]
+            self._whitened = [None for _ in self.items]
             if turn < ROUNDS:
                 left = [self._without(i) for i in range(len(self.items))]
         return self.noise
@@ -173,8 +185,8 @@ class Moving:
         columns = np.concatenate([item.local, np.array([slopes[key] for key in KEYS])])
         std = np.concatenate([item.local_std, np.full(len(KEYS), FREE)])
         left = item.measured - item.expected(self._craft, {})
-        full = np.column_stack([self._white(item, column) for column in columns]) * std
-        solved = np.linalg.solve(np.eye(len(std)) + full.T @ full, full.T @ self._white(item, left))
+        full = self._columns(flight) * std
+        solved = np.linalg.solve(np.eye(len(std)) + full.T @ full, full.T @ self._white(item, left[..., None])[:, 0])
         return np.asarray(left - np.tensordot(std * solved, columns, axes=1))
 
 
