@@ -23,6 +23,7 @@ from flightlog.units import to_si
 from identification.model import NEUTRAL
 from sim import kinds, sensors, terms
 from sim.parameters import Parameter
+from sim.terms.table import TABLES
 from sim.vehicle import Vehicle
 
 Floats = NDArray[np.float64]
@@ -141,8 +142,8 @@ def _add_term(document: Any, name: str, source: str) -> None:
     """A term that was not in force, with numbers that do nothing."""
     table = tomlkit.table()
     neutral = NEUTRAL.get(name, {})
-    for p in terms.CATALOGUE[name].parameters:
-        value = neutral.get(p.name, p.default)
+    for p in terms.KNOWN[name].parameters:
+        value = neutral.get(p.name, 0.0 if name in TABLES else p.default)
         if value is None:
             raise KeyError(f"{name}.{p.name}: no value that does nothing is known")
         table.append(p.name, _number(value, p.unit, 0.0, source.format("not in force")))
@@ -163,8 +164,8 @@ def _declared(key: str) -> Parameter | None:
     """The declaration of a term's or a sensor's number."""
     section, member, name, *_ = [*key.split("."), "", "", ""]
     known: Sequence[Parameter] = ()
-    if section == "terms" and member in terms.CATALOGUE:
-        known = terms.CATALOGUE[member].parameters
+    if section == "terms" and member in terms.KNOWN:
+        known = terms.KNOWN[member].parameters
     elif section == "sensors" and member in sensors.CATALOGUE:
         known = sensors.CATALOGUE[member].PARAMETERS
     return next((p for p in known if p.name == name), None)

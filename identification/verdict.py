@@ -71,13 +71,36 @@ class ChannelError:
 
 
 @dataclass(frozen=True)
+class Curve:
+    """What a channel is off by over what it depends on."""
+
+    x: Sequence[float]
+    x_unit: str
+    value: Sequence[float]  # up to a constant, which cannot be told from a bias; that of the form where there is one
+    std: Sequence[float]
+    unit: str
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """Another place at which an effect would explain nearly as much."""
+
+    channel: str
+    driver: str
+    nats: float
+
+
+@dataclass(frozen=True)
 class Unexplained:
     """Structure that no named cause takes out."""
 
     channel: str
     share_of_variance: float
-    depends_on: Sequence[str]
+    depends_on: Sequence[str]  # best first; the others cannot be told from it
     form: str | None
+    nats: float = 0.0  # log evidence over no such effect
+    alternatives: Sequence[Alternative] = ()
+    curve: Curve | None = None
 
 
 @dataclass(frozen=True)

@@ -204,8 +204,8 @@ def _with_unit(document: Mapping[str, Any], dotted: str, value: Any) -> Any:
     """A bare number for a key that the file leaves at its default is in the unit that its term or sensor declares."""
     section, member, name, *_ = [*dotted.split("."), "", ""]
     declared: Sequence[Parameter] = ()
-    if section == "terms" and member in terms.CATALOGUE:
-        declared = terms.CATALOGUE[member].parameters
+    if section == "terms" and member in terms.KNOWN:
+        declared = terms.KNOWN[member].parameters
     elif section == "sensors" and member in sensors.CATALOGUE:
         declared = sensors.CATALOGUE[member].PARAMETERS
     units = {parameter.name: parameter.unit for parameter in declared}
@@ -223,7 +223,7 @@ def _resolve(path: Path, document: Mapping[str, Any], settings: Collection[str] 
     file = toml_file.validate(document, VehicleFile, path, settings)
     reader = Reader(path, settings)
     for name in file.terms:
-        if name not in terms.CATALOGUE:
+        if name not in terms.KNOWN:
             reader.fail(f"terms.{name}", f"unknown term; {toml_file.nearest(name, terms.CATALOGUE)}")
     for topic in file.sensors:
         if topic not in sensors.CATALOGUE:
@@ -271,9 +271,9 @@ def _resolve(path: Path, document: Mapping[str, Any], settings: Collection[str] 
         model=mjcf,
         inertia=reader.inertia(file.inertia, "inertia"),
         geometry=geometry,
-        terms=tuple(terms.CATALOGUE[name] for name in file.terms),
+        terms=tuple(terms.KNOWN[name] for name in file.terms),
         parameters={
-            name: reader.declared(f"terms.{name}", given, terms.CATALOGUE[name].parameters)
+            name: reader.declared(f"terms.{name}", given, terms.KNOWN[name].parameters)
             for name, given in file.terms.items()
         },
         sensors=fitted,

@@ -16,6 +16,7 @@ from sim.terms import (
     main_rotor,
     rotor_droop,
     servo,
+    table,
     tail_rotor,
     vortex_ring,
 )
@@ -41,3 +42,6 @@ CATALOGUE: Mapping[str, Term] = {
         rotor_droop,
     )
 }
+
+# what a vehicle file may name: the same, and tables
+KNOWN: Mapping[str, Term] = {**CATALOGUE, **table.TABLES}
