@@ -5,8 +5,9 @@ accelerations is whitened by its own past (a long autoregression), and a command
 lag and delay everything is free that could be taken for them: every rotor's slope, the inertia, an offset and a drift.
 
 Whoever flies by better sensors than those that were logged answers gusts before the log shows them. Where most of what
-the commands do is such an answer, lag and delay come out wrong, by up to 12 and 33 ms in simulated hovers; so each
-flight leaves them open by a share of that, which grows with how much of the moments gusts make.
+the commands do is such an answer, lag and delay come out wrong, by up to 33 and 12 ms in simulated hovers (more where
+the control hardly damps); doublets tell them to a millisecond. So each flight leaves them open, the more the larger a
+share of the moments gusts make.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,8 +36,9 @@ ANYWHERE = 3.0  # times the spread of what was measured: offset and drift
 FREE = 0.05  # [s] of lag and delay while the noise is fitted
 NUDGE = 0.005  # [s] for a derivative
 SLOW = 10  # steps that are averaged to compare gusts with commands
-# [s] by which lag and delay are open on a flight: at least, and times the share of gusts over commands
-OPEN = {TAU: (0.004, 0.12), DELAY: (0.0015, 0.05)}
+# [s] by which lag and delay are open on a flight: at least, and times a power of the share of gusts over commands
+OPEN = {TAU: (0.004, 0.5), DELAY: (0.0015, 0.22)}
+POWER = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +154,7 @@ class Moving:
             return np.asarray(whole.reshape(2, -1, SLOW).mean(axis=2).var(axis=1))
 
         share = float(np.mean(np.minimum(power(self._without(flight)) / np.maximum(power(usual), 1e-12), 1.0)))
-        return np.array([max(least, share * most) for least, most in (OPEN[key] for key in KEYS)])
+        return np.array([max(least, share**POWER * most) for least, most in (OPEN[key] for key in KEYS)])
 
     def _columns(self, flight: int) -> Floats:
         """(R, L) whitened: what is free beside, lag and delay; as long as slopes and noise are the same."""
