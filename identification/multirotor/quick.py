@@ -34,6 +34,7 @@ ROUNDS = 3  # of the fit of noise and numbers
 SLOPE = 0.15  # of a rotor's thrust about the hover, and of the inertia
 ANYWHERE = 3.0  # times the spread of what was measured: offset and drift
 FREE = 0.05  # [s] of lag and delay while the noise is fitted
+STALE = 0.003  # [s] from where slopes were taken, beyond which they are taken anew
 NUDGE = 0.005  # [s] for a derivative
 SLOW = 10  # steps that are averaged to compare gusts with commands
 # [s] by which lag and delay are open on a flight: at least, and times a power of the share of gusts over commands
@@ -114,6 +115,8 @@ class Moving:
         self.items = items
         self._craft = craft
         self._slopes: list[dict[str, Floats]] = [self.slopes(i, {}) for i in range(len(items))]
+        usual = craft.values()
+        self._about = [np.array([usual[key] for key in KEYS]) for _ in items]
         self._whitened: list[Floats | None] = [None for _ in items]
         self.noise: Sequence[nz.Autoregression] = like.noise if like is not None else self._fit()
         self._open = [self._answered(i) for i in range(len(items))]
@@ -128,8 +131,10 @@ class Moving:
         """Whitened rows; numbers other than lag and delay do nothing here."""
         item = self.items[flight]
         own = {key: value for key, value in changes.items() if key in KEYS}
-        if fresh:
-            self._slopes[flight] = self.slopes(flight, own)
+        values = self._craft.values(own)
+        here = np.array([values[key] for key in KEYS])
+        if fresh or np.abs(here - self._about[flight]).max() > STALE:
+            self._slopes[flight], self._about[flight] = self.slopes(flight, own), here
             self._whitened[flight] = None
         left = item.measured - item.expected(self._craft, own)
         local = self._columns(flight)
