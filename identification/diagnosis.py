@@ -1,6 +1,6 @@
 """From logs to the verdict, for every kind of vehicle."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 
@@ -18,6 +18,7 @@ from identification.null import THRESHOLD, UNJUDGED
 from identification.regions import lost
 from identification.search import Names, Search
 from identification.told import told
+from identification.unknown.finding import NOTHING, Found, find
 from identification.verdict import (
     Asserted,
     BaselineReport,
@@ -47,6 +48,7 @@ class Diagnosis:
     bench: Bench
     search: Search
     causes: Names  # in force together: of each class the most probable member
+    unknown: Sequence[Found] = ()  # what no cause explains
 
 
 def open_bench(logs: Logs, vehicle: AnyVehicle, like: Bench | None = None) -> Bench:
@@ -78,9 +80,11 @@ def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float) -> Diagnosis:
     search = Search(bench, threshold)
     best: Names = search.run() if bench.baseline.certified else ()
     certified = bench.baseline.certified
-    reason = (_unfit(search, best) or doubt(search, best)) if certified else bench.baseline.reason
+    beside = find(search, best) if certified else NOTHING
+    best = beside.causes
+    reason = (_unfit(search, best, beside.explained) or doubt(search, best)) if certified else bench.baseline.reason
     if reason is not None:
-        best = ()
+        best, beside = (), NOTHING
     causes = [_asserted(search, best, name) for name in best]
     causes = sorted((c for c in causes if c.probability > SURE), key=lambda c: -c.probability)
     counted = _counted(logs, bench) if reason is None else []
@@ -96,16 +100,19 @@ def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float) -> Diagnosis:
         channels=[],
         causes=[*causes, *(c.asserted() for c in counted if c.log_bayes_factor > threshold)],
         candidates=[*_candidates(search, best), *(c.candidate() for c in counted)],
-        unexplained=[],
+        unexplained=[found.told() for found in beside.found],
         not_testable=[NotTestable(name, list(needs)) for name, needs in sorted(bench.not_testable.items())],
     )
-    return Diagnosis(verdict, bench, search, best)
+    return Diagnosis(verdict, bench, search, best, beside.found)
 
 
-def _unfit(search: Search, best: Names) -> str | None:
-    """Why not even the best explanation may judge these flights; None where it may."""
+def _unfit(search: Search, best: Names, explained: float) -> str | None:
+    """Why not even the best explanation may judge these flights; None where it may.
+
+    explained [nats]: of log likelihood, by what is no cause.
+    """
     fit = search.fit(best)
-    size = 2.0 * fit.cost / max(fit.stack.rows, 1)
+    size = 2.0 * (fit.cost - explained) / max(fit.stack.rows, 1)
     if size <= UNJUDGED:
         return None
     return f"innovations are {size:.2f} times as large as their noise (squared) under the best explanation"

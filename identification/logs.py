@@ -1,8 +1,10 @@
 """What a diagnosis reads: logs of any kind as flights by name, and what must be said about them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from flightlog.errors import UserError
 from flightlog.readers import Log, read_log
@@ -10,6 +12,7 @@ from flightlog.tables import Table
 
 UNREAD = ("frames",)  # pictures: not read here
 LEAST = 2.0  # [s] of a segment that is looked at
+REPEATED = 0.01  # of a topic's times
 MANY = 50  # rows from which on a topic knows of a reset
 
 
@@ -54,7 +57,7 @@ def read(paths: Sequence[Path], mapping: Path | None = None) -> Flights:
         seen[path.resolve()] = path
         log = read_log(path, mapping)
         name = _name(path, logs)
-        log, said = _by_one_clock(log)
+        log, said = _by_one_clock(_doubted(log))
         notes += [f"{name}: {note}" for note in (*log.notes, *said)]
         parts = [i for i, (first, last) in enumerate(log.segments) if last - first >= LEAST]
         if not parts:
@@ -65,6 +68,13 @@ def read(paths: Sequence[Path], mapping: Path | None = None) -> Flights:
             own = name if len(parts) == 1 else f"{name}#{part + 1}"
             logs[own], tables[own] = log, _measured(log, part)
     return Flights(logs, tables, tuple(dict.fromkeys(notes)))
+
+
+def _doubted(log: Log) -> Log:
+    """The log with topics whose times are repeated more than now and then not trusted to a sample."""
+    steps = {topic: np.diff(table["t"]) for topic, table in log.tables.items()}
+    repeated = {topic for topic, step in steps.items() if np.count_nonzero(step == 0.0) > REPEATED * len(step)}
+    return replace(log, timed=log.timed - repeated) if repeated else log
 
 
 def _by_one_clock(log: Log) -> tuple[Log, list[str]]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 import pyarrow as pa
@@ -19,6 +20,7 @@ from sim.vehicle import Vehicle
 __all__ = ["sound"]
 
 NEEDED: Mapping[str, tuple[str, ...]] = {"helicopter": ("imu", "controls", "rotor")}
+LONGEST: Mapping[str, float] = {"helicopter": 120.0, "multirotor": 600.0, "rig": 600.0}  # [s] of a flight looked at
 MARK = ("std_x", "std_y", "std_z")
 ECHO = 0.98  # of a ranger's reach, beyond which it has heard nothing
 
@@ -30,7 +32,9 @@ def sound(flights: Flights, vehicle: AnyVehicle | None) -> Flights:
     """
     notes = list(flights.notes)
     tables = {name: _sound(name, own, vehicle, notes) for name, own in flights.tables.items()}
-    return replace(flights, tables=tables, notes=tuple(dict.fromkeys(notes)))
+    # what is not looked at need not be kept
+    logs = {name: replace(log, tables=MappingProxyType(tables[name])) for name, log in flights.logs.items()}
+    return replace(flights, logs=logs, tables=tables, notes=tuple(dict.fromkeys(notes)))
 
 
 def _sound(name: str, tables: Mapping[str, Table], vehicle: AnyVehicle | None, notes: list[str]) -> dict[str, Table]:
@@ -43,6 +47,8 @@ def _sound(name: str, tables: Mapping[str, Table], vehicle: AnyVehicle | None, n
             why = [note.partition(": ")[2] for note in notes if note.startswith(clock) and topic in note]
             reason = why[0] if why else f"has no topic {topic}"
             raise UserError(f"{name}: {reason}: a {kind} needs {', '.join(needed)}")
+    if kind is not None and kind in LONGEST and tables:
+        tables = clocks.not_too_long(name, tables, LONGEST[kind], notes)
     if isinstance(vehicle, Vehicle):
         axes.sticks(name, tables, vehicle)
     for topic, table in tables.items():
@@ -62,7 +68,6 @@ def _sound(name: str, tables: Mapping[str, Table], vehicle: AnyVehicle | None, n
     kept = clocks.unbroken(name, kept, needed, notes)
     helicopter = vehicle if isinstance(vehicle, Vehicle) else None
     if helicopter is not None and "imu" in kept:
-        kept = clocks.not_too_long(name, kept, "imu", notes)
         _completed(name, kept, helicopter, notes)
     if kind != "rig":
         axes.check(name, kept, helicopter, notes)

@@ -17,7 +17,6 @@ FEWEST = 10  # rows of a topic that is looked at
 GAPS = {"imu": 0.3, "controls": 0.5, "actuators": 0.5, "rotor": 1.0, "joints": 0.5}  # [s]
 LATE = 0.3  # [s] by which one may begin or end before another
 STEPS = 6.0  # usual steps that make a gap in any case
-LONGEST = 300.0  # [s] of a flight that is looked at
 ROSE = 1.0  # [m]
 BEFORE = 10.0  # [s] before it rose
 
@@ -56,6 +55,8 @@ def unbroken(name: str, tables: Tables, needed: Sequence[str], notes: list[str])
         wide = np.flatnonzero(steps > max(GAPS.get(topic, 1.0), STEPS * float(np.median(steps))))
         breaks += [(float(t[i]), float(t[i + 1]), topic) for i in wide]
         ends.append((float(t[0]), float(t[-1])))
+    if not ends:
+        return dict(tables)
     begin, end = max(a for a, _ in ends), min(b for _, b in ends)
     late = max(begin - min(a for a, _ in ends), max(b for _, b in ends) - end)
     if not breaks and late <= LATE:
@@ -75,19 +76,21 @@ def unbroken(name: str, tables: Tables, needed: Sequence[str], notes: list[str])
     return _cut(tables, first, last)
 
 
-def not_too_long(name: str, tables: Tables, main: str, notes: list[str]) -> dict[str, Table]:
-    """The first LONGEST seconds from where it rose."""
-    t = np.asarray(tables[main]["t"], float)
-    if t[-1] - t[0] <= LONGEST:
+def not_too_long(name: str, tables: Tables, longest: float, notes: list[str]) -> dict[str, Table]:
+    """The first `longest` seconds from where it rose."""
+    t = np.asarray(max(tables.values(), key=len)["t"], float)
+    if t[-1] - t[0] <= longest:
         return dict(tables)
     first = float(t[0])
-    height = next(((tables[topic], c) for topic, c in (("baro", "altitude"), ("gps", "u")) if topic in tables), None)
+    heights = (("baro", "altitude"), ("gps", "u"))
+    height = next(((tables[topic], c) for topic, c in heights if topic in tables and c in tables[topic]), None)
     if height is not None:
         values = np.asarray(height[0][height[1]], float)
-        risen = np.flatnonzero(values > np.nanmedian(values[:50]) + ROSE)
+        known = values[np.isfinite(values)]
+        risen = np.flatnonzero(values > np.median(known[:50]) + ROSE) if len(known) else known
         if len(risen):
-            first = max(first, float(height[0]["t"][risen[0]]) - BEFORE)
-    last = first + LONGEST
+            first = max(first, float(height[0]["t"][int(risen[0])]) - BEFORE)
+    last = first + longest
     notes.append(
         f"{name}: {(t[-1] - t[0]) / 60.0:.0f} min long; t = {first:.1f} to {last:.1f} s are looked at, the rest is "
         "not judged"
