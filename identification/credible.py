@@ -42,15 +42,15 @@ def _shaken(search: Search, best: Names) -> str | None:
 
 def _contradicted(search: Search, best: Names) -> str | None:
     rows = left_over(search.bench, search.fit(best))
-    if not isinstance(search.bench, HelicopterBench):
-        return None
-    for number, channel in sorted(search.bench.channels.items()):
-        if number >= DRIVEN:
-            continue
+    size: dict[str, float] = {}
+    for number, channel in search.bench.channels.items():
         left = np.concatenate([part[(item.channel == number) & (item.residual != 0.0)] for item, part in rows])
-        if len(left) >= FEWEST and float(np.mean(left**2)) > CONTRADICTED:
-            return (
-                f"{channel.name} contradicts all else: innovations {np.mean(left**2):.1f} times as large as expected "
-                "(squared) under the best explanation; another clock, unit or axis, or a fault of no known kind"
-            )
-    return None
+        if number < DRIVEN and len(left) >= FEWEST:
+            size[channel.name] = float(np.mean(left**2))
+    worst = max(size, key=lambda name: size[name], default="")
+    if size.get(worst, 0.0) <= CONTRADICTED:
+        return None
+    return (
+        f"{worst} contradicts all else: innovations {size[worst]:.1f} times as large as expected (squared) under the best "
+        "explanation; another clock, unit or axis, or a fault of no known kind"
+    )

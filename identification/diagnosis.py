@@ -82,7 +82,7 @@ def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float) -> Diagnosis:
     certified = bench.baseline.certified
     beside = find(search, best) if certified else NOTHING
     best = beside.causes
-    reason = (_unfit(search, best, beside.explained) or doubt(search, best)) if certified else bench.baseline.reason
+    reason = (doubt(search, best) or _unfit(search, best, beside.explained)) if certified else bench.baseline.reason
     if reason is not None:
         best, beside = (), NOTHING
     causes = [_asserted(search, best, name) for name in best]
