@@ -15,6 +15,7 @@ from flightlog.errors import UserError
 from flightlog.rotations import angles, matrix, quaternion
 from flightlog.tables import Table
 from identification import kinematics as k
+from identification.corrections import corrected
 from identification.grid import Course, Drive, lay, smooth
 from identification.vibration import calm
 from sim.vehicle import Vehicle
@@ -90,6 +91,7 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
         if topic not in tables or len(tables[topic]) < 2:
             raise UserError(f"{name}: has no topic {topic}: a {vehicle.document['kind']} needs {', '.join(NEEDED)}")
     notes: list[str] = []
+    tables = corrected(tables, vehicle)
     imu_t, imu = _inertial(name, tables["imu"], notes)
     rotor = _rotor_speed(tables["rotor"], imu_t)
     imu = calm(imu_t, imu, rotor, float(vehicle.parameters.get("tail_rotor", {}).get("gear", 0.0)))
