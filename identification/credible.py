@@ -51,6 +51,6 @@ def _contradicted(search: Search, best: Names) -> str | None:
     if size.get(worst, 0.0) <= CONTRADICTED:
         return None
     return (
-        f"{worst} contradicts all else: innovations {size[worst]:.1f} times as large as expected (squared) under the best "
-        "explanation; another clock, unit or axis, or a fault of no known kind"
+        f"{worst} contradicts all else: innovations {size[worst]:.1f} times as large as expected (squared) under the "
+        "best explanation; another clock, unit or axis, or a fault of no known kind"
     )
