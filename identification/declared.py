@@ -6,7 +6,7 @@ from identification import kinematics as k
 from identification.causes import CATALOGUE, Change
 from identification.flight import Flight
 from identification.model import tolerance_of
-from identification.views import scalars
+from identification.views import field_seen, scalars
 from sim.vehicle import Vehicle
 
 FORCE_FLOOR = 0.02  # [m/s^2] of offset that geometry and model leave open on any flight
@@ -14,7 +14,7 @@ FORCE_FLOOR = 0.02  # [m/s^2] of offset that geometry and model leave open on an
 
 def declared(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]:
     """Key, effect of one unit, and standard deviation of each."""
-    return [*_inertial(flight, vehicle), *_places(flight, vehicle)]
+    return [*_inertial(flight, vehicle), *_turned(flight, vehicle), *_places(flight, vehicle)]
 
 
 def offsets(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]:
@@ -43,6 +43,20 @@ def _inertial(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float
         for parameter, change in zip(cause.parameters, cause.changes(flight, vehicle), strict=True):
             std = numbers["misalignment_std"] if of is None else numbers[of[parameter.name[0] == "w"]]
             found.append((f"local.{parameter.key}", change, std))
+    return found
+
+
+def _turned(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]:
+    """The magnetometer's case against the body: what it adds changes with heading, which no bias does."""
+    if not ((flight.motion.kinds >= k.FIELD) & (flight.motion.kinds < k.PAD)).any():
+        return []
+    field = field_seen(flight)
+    std = vehicle.sensors["mag"].numbers["misalignment_std"]
+    found = []
+    for axis, along in enumerate(np.eye(3)):
+        moved = -np.cross(along, field)
+        change = Change(scalars(flight, *((k.FIELD + i, moved[:, i]) for i in range(3))))
+        found.append((f"local.mag.turn_{axis}", change, std))
     return found
 
 
