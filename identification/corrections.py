@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flightlog.camera import DOWN
 from flightlog.equipment import CameraSpec
 from flightlog.marks import HMark
-from flightlog.rotations import from_vector, matrix
+from flightlog.rotations import from_vector, matrix, quaternion
 from flightlog.tables import Table
 from sim.sensors.pad_camera import by_lens
 from sim.vehicle import Vehicle
@@ -96,9 +96,10 @@ def _picture(table: Table, camera: CameraSpec, n: Mapping[str, float]) -> dict[s
         return {}
     seen = table.stack("x", "y", "z") / scale * [1.0, 1.0, focal]
     if k1:
-        # from where the mark is looked at, near enough level and with the nose to the north
-        position = -(seen @ DOWN.T) - camera.mount.position
-        level = np.broadcast_to(np.eye(3), (len(seen), 3, 3))
+        # from where the mark is looked at, near enough level; its axis points north
+        headings = -np.nan_to_num(np.asarray(table["angle"], float)) if "angle" in table else np.zeros(len(seen))
+        level = np.array([matrix(quaternion(0.0, 0.0, heading)) for heading in headings.tolist()])
+        position = -np.einsum("nij,nj->ni", level, seen @ axes.T + camera.mount.position)
         good = np.isfinite(seen).all(axis=1)
         seen[good] -= k1 * by_lens(position[good], level[good], camera.model, camera.mount, HMark(), n)[:, :3]
     if not straight:
