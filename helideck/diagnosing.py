@@ -9,6 +9,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from scipy.linalg import block_diag
 
 from flightlog.errors import UserError
 from helideck.estimation import find_mapping
@@ -21,6 +22,7 @@ from identification.report import Findings
 from identification.report.drivers import visited
 from identification.report.unforeseen import helicopter
 from identification.told import told
+from identification.unknown.table import tables
 from identification.verdict import NotTestable, Verdict
 from sim import kinds
 
@@ -131,7 +133,8 @@ def diagnose(
             verdict, channels=measured.errors(),
             causes=[replace(cause, gain=worth.get(cause.name)) for cause in verdict.causes],
         )  # fmt: skip
-        if any(cause.name in found.causes for cause in verdict.causes):  # counts change nothing in the model
+        # counts change nothing in the model
+        if any(c.name in found.causes for c in verdict.causes) or tables(found.unknown, flown).values:
             progress(4, STEPS, "extending the vehicle")
             made = _extend(found, verdict, flights, folder)
             verdict = replace(verdict, extended_vehicle=str(made.path))
@@ -209,9 +212,11 @@ def _extend(found: Diagnosis, verdict: Verdict, flights: Flights, folder: Path) 
     names = tuple(sorted(cause.name for cause in verdict.causes if cause.name in found.causes))
     fit = found.search.fit(names)
     of = {p.key: name for name in names for p in found.search.causes[name].parameters}
+    beside = tables(found.unknown, found.bench.vehicle)
     delta = extension.Delta(
-        values=fit.values, causes=of, units={key: found.bench.units[key] for key in of}, covariance=fit.covariance,
-        visited=visited(found.bench),
+        values={**fit.values, **beside.values}, causes=of | dict(beside.of),
+        units={key: found.bench.units[key] for key in of} | dict(beside.units),
+        covariance=block_diag(fit.covariance, beside.covariance), visited=visited(found.bench),
     )  # fmt: skip
     hashes: Mapping[str, str] = {name: extension.digest(log.path) for name, log in flights.logs.items()}
     return extension.write(found.bench.vehicle, delta, hashes, folder / "extended.toml")
