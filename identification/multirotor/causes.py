@@ -9,6 +9,7 @@ from identification.causes.contract import Cause, Parameter
 from identification.multirotor.quick import DELAY, TAU
 from sim.multirotor.file import Multirotor
 
+LATE = "actuator_lag", "actuator_delay"
 ADDED = 0.06  # share of the mass that is added or missing, where something is
 PLACED = 0.7  # of the rotors' reach at which it sits
 DRAG = 0.5  # [1/s] of drag over mass, where there is more of it
@@ -89,8 +90,11 @@ def catalogue(craft: Multirotor) -> list[Cause]:
     ]
 
 
-def testable(craft: Multirotor, topics: set[str]) -> tuple[list[Cause], dict[str, list[str]]]:
-    """Causes that these topics can show, and what the others lack."""
-    known = [c for c in catalogue(craft) if not (craft.by_speed and c.name.startswith("actuator"))]
+def testable(craft: Multirotor, topics: set[str], moving: bool) -> tuple[list[Cause], dict[str, list[str]]]:
+    """Causes that these topics can show, and what the others lack; moving: the commands do more than answer gusts."""
+    known = [c for c in catalogue(craft) if not (craft.by_speed and c.name in LATE)]
     lacking = {cause.name: [topic for topic in cause.needs if topic not in topics] for cause in known}
+    for name in LATE:
+        if lacking.get(name) == [] and not moving:
+            lacking[name] = ["doublets"]
     return [cause for cause in known if not lacking[cause.name]], {n: m for n, m in lacking.items() if m}

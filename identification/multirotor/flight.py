@@ -65,6 +65,7 @@ class Flight:
 
     name: str
     begins: float  # [s] of the first sample
+    logged: float  # [s] between commands as they were logged
     inputs: Inputs
     slow: Inputs  # settled
     per_node: int  # samples
@@ -144,8 +145,9 @@ def prepare(name: str, tables: Mapping[str, Table], craft: Multirotor, by_estima
     if not any(s.channel == CHANNELS.index("force_z") for s in seen):
         raise UserError(f"{name}: nothing says how it climbs: imu.fz, or u or vu of estimate or reference, would")
     return Flight(
-        name, float(grid[0]), inputs, _settled(inputs, first, spans, per_node), per_node, first, spans,
-        node(grid), seen, by_estimate, node(motion.height), node(motion.speed), node(inputs.voltage), _rest(inputs),
+        name, float(grid[0]), float(np.median(np.diff(t))), inputs, _settled(inputs, first, spans, per_node),
+        per_node, first, spans, node(grid), seen, by_estimate, node(motion.height), node(motion.speed),
+        node(inputs.voltage), _rest(inputs),
     )  # fmt: skip
 
 

@@ -6,8 +6,8 @@ lag and delay everything is free that could be taken for them: every rotor's slo
 
 Whoever flies by better sensors than those that were logged answers gusts before the log shows them. Where most of what
 the commands do is such an answer, lag and delay come out wrong, by up to 33 and 12 ms in simulated hovers (more where
-the control hardly damps); doublets tell them to a millisecond. So each flight leaves them open, the more the larger a
-share of the moments gusts make.
+the control hardly damps); doublets tell them to a millisecond. So a flight is judged where gusts make a small share of
+the moments only, and leaves lag and delay open, the more the larger that share.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from flightlog.tables import Table
 from identification.multirotor import noise as nz
-from identification.multirotor.flight import CHANNELS, IMU, Flight, on
+from identification.multirotor.flight import IMU, Flight, on
 from identification.stack import Rows
 from sim.multirotor.file import Multirotor
 from sim.multirotor.model import answer
@@ -38,8 +38,10 @@ STALE = 0.003  # [s] from where slopes were taken, beyond which they are taken a
 NUDGE = 0.005  # [s] for a derivative
 SLOW = 10  # steps that are averaged to compare gusts with commands
 # [s] by which lag and delay are open on a flight: at least, and times a power of the share of gusts over commands
-OPEN = {TAU: (0.004, 0.5), DELAY: (0.0015, 0.22)}
+OPEN = {TAU: (0.004, 0.5), DELAY: (0.0015, 0.3)}
 POWER = 1.5
+QUIET = 0.15  # of that share, up to which a flight is judged
+STAMPED = 0.3  # of a step between logged commands, by which their stamps are uncertain: when in it they were sent
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +121,7 @@ class Moving:
         self._about = [np.array([usual[key] for key in KEYS]) for _ in items]
         self._whitened: list[Floats | None] = [None for _ in items]
         self.noise: Sequence[nz.Autoregression] = like.noise if like is not None else self._fit()
-        self._open = [self._answered(i) for i in range(len(items))]
+        self._shares = [self._answered(i) for i in range(len(items))]
 
     def slopes(self, flight: int, changes: Mapping[str, float]) -> dict[str, Floats]:
         """What a second more of lag and delay does (C, B), about some numbers."""
@@ -128,8 +130,11 @@ class Moving:
         return {key: (item.expected(self._craft, values | {key: values[key] + NUDGE}) - base) / NUDGE for key in KEYS}
 
     def rows(self, flight: int, changes: Mapping[str, float], fresh: bool, keys: Sequence[str]) -> Rows:
-        """Whitened rows; numbers other than lag and delay do nothing here."""
+        """Whitened rows, none of a flight that is not judged; numbers other than lag and delay do nothing here."""
         item = self.items[flight]
+        if self._shares[flight] > QUIET:
+            none = np.zeros(0)
+            return Rows(none, dict.fromkeys(keys, none), np.zeros((0, 0)), none, np.zeros(0, np.int64), none)
         own = {key: value for key, value in changes.items() if key in KEYS}
         values = self._craft.values(own)
         here = np.array([values[key] for key in KEYS])
@@ -144,13 +149,18 @@ class Moving:
             residual=self._white(item, left[..., None])[:, 0],
             signatures={key: signatures.get(key, nothing) for key in keys},
             local=local,
-            local_std=np.r_[item.local_std, self._open[flight]],
+            local_std=np.r_[item.local_std, self._open(flight)],
             channel=np.repeat(SEEN, len(item.t)),
             t=np.tile(item.t, len(SEEN)),
         )
 
-    def _answered(self, flight: int) -> Floats:
-        """(2,) [s] by which a flight leaves lag and delay open."""
+    @property
+    def tells(self) -> bool:
+        """Whether any flight is judged."""
+        return any(share <= QUIET for share in self._shares)
+
+    def _answered(self, flight: int) -> float:
+        """Share of the moments about the level axes that gusts make, over what commands make."""
         item = self.items[flight]
         usual = item.expected(self._craft, {})
 
@@ -158,8 +168,12 @@ class Moving:
             whole = parts[1:3, : parts.shape[1] // SLOW * SLOW]
             return np.asarray(whole.reshape(2, -1, SLOW).mean(axis=2).var(axis=1))
 
-        share = float(np.mean(np.minimum(power(self._without(flight)) / np.maximum(power(usual), 1e-12), 1.0)))
-        return np.array([max(least, share**POWER * most) for least, most in (OPEN[key] for key in KEYS)])
+        return float(np.mean(np.minimum(power(self._without(flight)) / np.maximum(power(usual), 1e-12), 1.0)))
+
+    def _open(self, flight: int) -> Floats:
+        """(2,) [s] by which a flight leaves lag and delay open."""
+        grown = self._shares[flight] ** POWER
+        return np.array([max(least, grown * most) for least, most in (OPEN[key] for key in KEYS)])
 
     def _columns(self, flight: int) -> Floats:
         """(R, L) whitened: what is free beside, lag and delay; as long as slopes and noise are the same."""
@@ -195,8 +209,3 @@ class Moving:
         full = self._columns(flight) * std
         solved = np.linalg.solve(np.eye(len(std)) + full.T @ full, full.T @ self._white(item, left[..., None])[:, 0])
         return np.asarray(left - np.tensordot(std * solved, columns, axes=1))
-
-
-def names() -> Sequence[str]:
-    """Of the channels that are seen."""
-    return [CHANNELS[c] for c in SEEN]
