@@ -77,7 +77,7 @@ def examine(logs: Logs, vehicle: AnyVehicle, *, threshold: float = THRESHOLD) ->
 
 def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float) -> Diagnosis:
     bench = open_bench(logs, vehicle)
-    search = Search(bench, threshold)
+    search = Search(bench, min(threshold, getattr(bench, "threshold", threshold)))
     best: Names = search.run() if bench.baseline.certified else ()
     certified = bench.baseline.certified
     beside = find(search, best) if certified else NOTHING
