@@ -2,31 +2,36 @@
 
 python benchmarks/lab_helicopter.py LOG.csv [--splits 45 65.5 85] [-o DIR]
 
-Mechanistic: the paper's model, its parameters fitted anew. Extended: with dry friction, a late yaw motor, a stiffening
-cable and a pitch motor whose torque grows by a power of the voltage. Each extension is also left out by itself.
+Mechanistic: the paper's model, its parameters fitted anew. Nested: structure of yaw, length of the fitted runs and
+what a good model may be off chosen by cross-validation on the rows before the split, which alone were seen. By hand:
+dry friction, a late yaw motor, a stiffening cable and a pitch motor whose torque grows by a power of the voltage,
+chosen with the whole log in sight; each of them is also left out by itself (`--ablate`).
 Free runs of 10 s, one every 2.5 s, on what was not fitted; intervals by a bootstrap of blocks of 10 s.
 """
 
 import json
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import tyro
+from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from flightlog.readers import read_log
 from helideck.estimation import find_mapping
 from identification.course import Course, courses
 from identification.free_run import Runs, rig_runs
+from identification.inner_choice import Choice, Hardness, Inner, Options
+from identification.one_joint import OneJoint
 from identification.rig_fit import Free, RigFit, Weighing, fit_rig
 from sim.rig import Rig, load_rig
 
 Floats = NDArray[np.float64]
 
-FRICTION, CABLE, LAG = "terms.joint_friction.yaw", "terms.joint_stiffness.yaw", "terms.actuator_lag.yaw_motor"
+DRAG, CABLE, LAG = "terms.joint_friction.yaw", "terms.joint_stiffness.yaw", "terms.actuator_lag.yaw_motor"
 POWER = {"terms.input_nonlinearity.pitch_motor.exponent": 1.5}  # between a torque by voltage and one by its square
 MECHANISTIC = (
     Free("inputs.pitch_motor.torque.pitch", 0.055, 1.0, True),
@@ -40,11 +45,31 @@ MECHANISTIC = (
 )
 # weakly known beforehand: a motor with propeller takes some tenths of a second; the cable is slack within the range
 FOUND = {
-    "friction": (Free(f"{FRICTION}.coulomb", 0.03, 1.5, True),),
+    "friction": (Free(f"{DRAG}.coulomb", 0.03, 1.5, True),),
     "cable": (Free(f"{CABLE}.cubic", 0.005, 1.0, True), Free(f"{CABLE}.centre", 1.5, 0.5)),
     "late motor": (Free(f"{LAG}.tau", 0.3, 0.3, True), Free(f"{LAG}.delay", 0.15, 0.5, True)),
     "power": (),
 }
+# what is asked of the rows before a split: what is free of yaw, group by group; first guess: the fullest that is usual
+DRY, STICKING = Free(f"{DRAG}.coulomb", 0.03, 1.5, True), Free(f"{DRAG}.stiction", 0.01, 1.0, True)
+TAU, DELAY = Free(f"{LAG}.tau", 0.3, 0.5, True), Free(f"{LAG}.delay", 0.15, 0.5, True)
+CENTRE = Free(f"{CABLE}.centre", 1.5, 0.5)
+PITCH = tuple(f for f in MECHANISTIC if f.key.endswith((".pitch", ".pitch.viscous")) or "bodies" in f.key)
+# a propeller's torque grows by the square of its speed, and that slower than the voltage
+YAW = (*(f for f in MECHANISTIC if f not in PITCH), Free("terms.input_nonlinearity.pitch_motor.exponent", 1.5, 0.3))
+GROUPS: Options = {
+    "friction": {"viscous": (), "dry": (DRY,), "sticking": (DRY, STICKING)},
+    "late": {"prompt": (), "lag": (TAU,), "lag, delay": (TAU, DELAY)},
+    "cable": {
+        "no cable": (), "linear cable": (Free(f"{CABLE}.stiffness", 0.01, 1.0, True), CENTRE),
+        "cubic cable": (Free(f"{CABLE}.cubic", 0.005, 1.0, True), CENTRE),
+    },
+    "air": {"linear": (), "square": (Free(f"{DRAG}.quadratic", 0.02, 1.0, True),)},
+    "input": {"power": (), "deadband": (Free("terms.input_nonlinearity.yaw_motor.deadband", 0.1, 1.0, True),)},
+}  # fmt: skip
+FIRST_GUESS = {"friction": "dry", "late": "lag, delay", "cable": "cubic cable", "air": "linear", "input": "power"}
+FIRST_HARDNESS, OF_PITCH = Hardness(2.5, 0.2), Hardness(2.5, 0.1)
+HARDNESSES = tuple(Hardness(horizon, spread) for spread in (0.4, 0.2, 0.1) for horizon in (2.5, 5.0))
 BEST_LINEAR = Weighing(20.0, 2.5, 0.05)  # runs of 20 s give the mechanistic model its best held-out figures
 SHORT = Weighing(2.5, 1.25, {"yaw": 0.2, "pitch": 0.1})
 
@@ -58,6 +83,7 @@ class Held:
     pitch: float
     yaw_fitted: float  # on what was
     values: dict[str, tuple[float, float]] = field(default_factory=dict)  # with one standard deviation
+    how: str = ""  # was chosen
 
 
 def rms(errors: Floats) -> float:
@@ -87,15 +113,29 @@ def judge(rig: Rig, fit: RigFit | None, fixed: dict[str, float], parts: tuple[Co
     ), rest  # fmt: skip
 
 
+def nested(rig: Rig, seen: Course) -> tuple[dict[str, float], Choice]:
+    """Values of a model whose structure and hardness were chosen on `seen` alone."""
+    yaw = Inner(OneJoint(rig, seen, "yaw"), YAW, GROUPS)
+    choice = yaw.choose(FIRST_GUESS, FIRST_HARDNESS, HARDNESSES)
+    values = yaw.fit(choice.structure, choice.hardness)
+    kept = {key: value for key, value in values.items() if "exponent" in key}
+    return values | Inner(OneJoint(rig.changed(kept), seen, "pitch"), PITCH, {}).fit({}, OF_PITCH), choice
+
+
 def at(rig: Rig, course: Course, split: float, ablate: bool) -> tuple[dict[str, Held], dict[str, Runs]]:
     """Every model, fitted before `split` [s] and judged after it."""
     parts = course.part(-math.inf, split), course.part(split, math.inf)
     found: dict[str, tuple[Held, Runs]] = {"nominal": judge(rig, None, {}, parts)}
     found["mechanistic"] = judge(rig, fit_rig(rig, parts[:1], MECHANISTIC, BEST_LINEAR), {}, parts)
+    values, choice = nested(rig, parts[0])
+    item, runs = judge(rig, None, values, parts)
+    told = ", ".join(choice.structure.values())
+    how = f"{told}; runs of {choice.hardness.horizon:g} s, {choice.hardness.spread:g} rad; inner {choice.error:.3f} rad"
+    found["nested"] = replace(item, values={key: (value, math.nan) for key, value in values.items()}, how=how), runs
     for left_out in ("", *(FOUND if ablate else ())):
         free = (*MECHANISTIC, *(f for name, own in FOUND.items() if name != left_out for f in own))
         fixed = {} if left_out == "power" else POWER
-        name = f"without {left_out}" if left_out else "extended"
+        name = f"without {left_out}" if left_out else "by hand"
         found[name] = judge(rig, fit_rig(rig, parts[:1], free, SHORT, fixed), fixed, parts)
     held = found["nominal"][1].held[..., rig.joints.index("yaw")]
     pitch = rms(found["nominal"][1].held[..., rig.joints.index("pitch")])
@@ -114,7 +154,7 @@ def draw(path: Path, rig: Rig, course: Course, split: float, runs: dict[str, Run
     yaw = rig.joints.index("yaw")
     rest = course.part(split, math.inf)
     figure, axes = plt.subplots(2, 1, figsize=(11, 6), sharex=True, sharey=True, constrained_layout=True)
-    for axis, name in zip(axes, ("mechanistic", "extended"), strict=True):
+    for axis, name in zip(axes, ("mechanistic", "nested"), strict=True):
         axis.plot(rest.t, rest.angles[:, yaw], color="black", linewidth=2, label="measured")
         for row, predicted in zip(runs[name].rows, runs[name].predicted, strict=True):
             axis.plot(rest.t[row] + rest.dt * np.arange(len(predicted)), predicted[:, yaw], color="C3", linewidth=0.8)
@@ -131,21 +171,26 @@ def main(
     splits: tuple[float, ...] = (45.0, 55.0, 65.5, 75.0, 85.0, 95.0),
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("lab_helicopter"),
     ablate: bool = False,
+    workers: int = 2,
 ) -> None:
     """Fit and judge at every split; goes on where it was broken off."""
-    rig = load_rig("lab_helicopter")
-    (course,) = courses(log.name, read_log(log, find_mapping(Path("lab_helicopter"))).tables, rig)
     output.mkdir(parents=True, exist_ok=True)
+    missing = [split for split in splits if not (output / f"{split:g}.json").exists()]
+    Parallel(n_jobs=workers)(delayed(_one)(log, split, output, ablate) for split in missing)
     for split in splits:
-        file = output / f"{split:g}.json"
-        if not file.exists():
-            found, runs = at(rig, course, split, ablate)
-            draw(output / f"{split:g}.png", rig, course, split, runs)
-            file.write_text(json.dumps({name: vars(item) for name, item in found.items()}, indent=2))
-        for name, item in json.loads(file.read_text()).items():
+        for name, item in json.loads((output / f"{split:g}.json").read_text()).items():
             low, high = item["yaw_ci95"]
             print(f"{split:6.1f} s  {name:18s} yaw {item['yaw']:.3f} [{low:.3f}, {high:.3f}]  pitch {item['pitch']:.3f}"
-                  f"  yaw fitted {item['yaw_fitted']:.3f}", flush=True)  # fmt: skip
+                  f"  yaw fitted {item['yaw_fitted']:.3f}  {item['how']}", flush=True)  # fmt: skip
+
+
+def _one(log: Path, split: float, output: Path, ablate: bool) -> None:
+    """One split, written to its file."""
+    rig = load_rig("lab_helicopter")
+    (course,) = courses(log.name, read_log(log, find_mapping(Path("lab_helicopter"))).tables, rig)
+    found, runs = at(rig, course, split, ablate)
+    draw(output / f"{split:g}.png", rig, course, split, runs)
+    (output / f"{split:g}.json").write_text(json.dumps({name: vars(item) for name, item in found.items()}, indent=2))
 
 
 if __name__ == "__main__":

@@ -37,6 +37,8 @@ IMPERFECT = 0.02  # of the usual acceleration, which no model accounts for
 DAMPINGS = (0.0, 0.1, 1.0, 10.0, 100.0)  # of a step, one after the other until it leads downward
 SLOPE = 0.1  # of a prior, for a derivative
 NUDGE = 0.002, 0.02  # [rad, rad/s] for the transition
+HUBER = 3.5  # standard deviations, to which a larger innovation is taken in
+ODD = 0.05  # share of such, beyond which the model is none
 REMEMBERED = 0.2  # correlation of neighbouring innovations, beyond which the model is none
 
 
@@ -106,12 +108,14 @@ class RigBench:
         self._at: dict[str, float] = {}  # about which the filter is linear
         self._linear: list[list[Linear]] = []  # by flight and stretch
         self._noise: Noise
+        self._weights: list[Floats] = []  # by flight (N, J), of innovations that are too large to be noise
         self._contest: Competition | None = None
         if like is None:
             self.baseline = self._certify()
         else:
             self._noise, self._at, self.baseline = like._noise, like._at, like.baseline
             self._linear = [self._about(i, self._at) for i in range(len(self.names))]
+            self._weigh()
 
     def rows(self, flight: int, changes: Mapping[str, float], fresh: Collection[str] = ()) -> Rows:
         """See `Bench.rows`."""
@@ -252,6 +256,8 @@ class RigBench:
             columns = np.stack([defects[part], *(slope[part] for slope in slopes)], axis=2)
             found.append(innovations(linear, self._noise, columns)[0])
         all_of_it = np.concatenate(found)
+        if self._weights:
+            all_of_it = all_of_it * self._weights[flight][:, :, None]
         return all_of_it[:, :, 0], -all_of_it[:, :, 1:]
 
     def _certify(self) -> Baseline:
@@ -271,17 +277,27 @@ class RigBench:
                 break
             self._at = moved
         self._slopes = [{} for _ in self.names]
+        self._weigh()
         reasons = []
         left = [self._whitened(i, self._defects(i, self._at), [])[0][SETTLING:] for i in flights]
         for j, joint in enumerate(rig.joints):
             square = float(np.mean(np.concatenate([part[:, j] for part in left]) ** 2))
             memory = float(np.mean([np.mean(part[1:, j] * part[:-1, j]) for part in left])) / square
-            if square > UNJUDGED:
+            odd = float(np.mean(np.concatenate([w[:, j] for w in self._weights]) < 1.0))
+            if odd > ODD:
+                reasons.append(f"joints.{joint}: {100.0 * odd:.0f} % of the innovations are no noise")
+            elif square > UNJUDGED:
                 reasons.append(f"joints.{joint}: innovations are {square:.2f} times their noise (squared)")
             elif abs(memory) > REMEMBERED:
                 reasons.append(f"joints.{joint}: neighbouring innovations are alike by {memory:.2f}")
         noise = {f"joints.{joint}": (float(self._noise.angle[j]), "rad") for j, joint in enumerate(rig.joints)}
         return Baseline(not reasons, "; ".join(reasons) or None, noise)
+
+    def _weigh(self) -> None:
+        """Take in what is beyond HUBER: a joint that turns while it sticks is no straight line."""
+        self._weights = []
+        left = [self._whitened(i, self._defects(i, self._at), [])[0] for i in range(len(self.names))]
+        self._weights = [np.minimum(1.0, HUBER / np.maximum(np.abs(part), 1e-9)) for part in left]
 
     def _accelerations(self) -> Floats:
         """Usual size (J,) [rad/s^2] of what the joints do."""

@@ -36,10 +36,11 @@ class RigTerm:
 
 FRICTION = RigTerm("joint_friction", "joint", (
     Parameter("viscous", "N m s/rad", 0.0, 1e3, "torque per rate", 0.0),
+    Parameter("quadratic", "N m s^2/rad^2", 0.0, 1e3, "torque per square of the rate", 0.0),
     Parameter("coulomb", "N m", 0.0, 1e4, "dry friction while it moves", 0.0),
     Parameter("stiction", "N m", 0.0, 1e4, "by how much more holds it at rest", 0.0),
     Parameter("speed", "rad/s", 1e-4, 1e2, "rate over which stiction is lost", 0.1),
-), "friction of a joint: viscous, dry, and what more it takes to break loose (Stribeck)")  # fmt: skip
+), "friction of a joint: viscous, quadratic, dry, and what more it takes to break loose (Stribeck)")  # fmt: skip
 STIFFNESS = RigTerm("joint_stiffness", "joint", (
     Parameter("stiffness", "N m/rad", 0.0, 1e4, "torque per angle", 0.0),
     Parameter("cubic", "N m/rad^3", 0.0, 1e4, "torque per cube of the angle: a cable that stiffens", 0.0),

@@ -19,6 +19,7 @@ from sim.rig import Rig
 Floats = NDArray[np.float64]
 
 LONGEST_STEP = 0.01  # [s]
+SHARED = 4000  # torques, from which on two threads share the runs
 
 
 class Moving:
@@ -35,7 +36,7 @@ class Moving:
         self.values = rig.values(changes)
         self.substeps = max(1, math.ceil(dt / longest - 1e-9))
         self.model = self._model()
-        self._data = mujoco.MjData(self.model)
+        self._data = [mujoco.MjData(self.model) for _ in range(2)]
         term = "terms.joint_friction"
         self._stiction = np.array([self.values[f"{term}.{joint}.stiction"] for joint in rig.joints])
         self._speed = np.array([self.values[f"{term}.{joint}.speed"] for joint in rig.joints])
@@ -70,7 +71,7 @@ class Moving:
         if acting.shape[1] == 0:
             return np.asarray(start[:, None])
         states, _ = rollout.rollout(
-            self.model, self._data, first, np.ascontiguousarray(acting),
+            self.model, self._data[: 2 if acting.size > SHARED else 1], first, np.ascontiguousarray(acting),
             control_spec=int(mujoco.mjtState.mjSTATE_QFRC_APPLIED),
         )  # fmt: skip
         kept = states[:, self.substeps - 1 :: self.substeps, 1 : 1 + start.shape[1]]
@@ -116,6 +117,7 @@ class Moving:
                     body.inertia[int(axis[0])] = value
         for i, joint in enumerate(self.rig.joints):
             model.dof_damping[i] += self.values[f"terms.joint_friction.{joint}.viscous"]
+            model.dof_dampingpoly[i, 0] = self.values[f"terms.joint_friction.{joint}.quadratic"]
             model.dof_frictionloss[i] += self.values[f"terms.joint_friction.{joint}.coulomb"]
             stiffness, cubic, centre = (
                 self.values[f"terms.joint_stiffness.{joint}.{name}"] for name in ("stiffness", "cubic", "centre")
