@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sim.sensors.faults import ClockOffset, Spike
+from sim.sensors.faults import ClockOffset, Fault, Spike
 from sim.terms.contract import Term
 from sim.vehicle import Vehicle
+from sim.world import World
 from tests.blind import foreign
 from tests.blind.flights import Tampering
 
@@ -240,11 +241,36 @@ def _sonar_scale(v: Vehicle, rng: Rng, share: float) -> Effect:
 
 def _clock_offset(v: Vehicle, rng: Rng, share: float) -> Effect:
     del v
-    topic = str(rng.choice(["imu", "gps", "baro", "mag"]))
+    topic = str(rng.choice(["imu", "sonar", "baro", "mag"]))  # a receiver's clock is its latency
     delay = share * float(rng.uniform(0.03, 0.06)) * (1.0 if topic == "imu" else 6.0)
     shifted = ClockOffset(topic=topic, delay=delay)
     return Effect("clock_offset", "timing", topic, values={"delay": delay}, needs=(topic,),
                   tampering=(lambda _: [shifted],))  # fmt: skip
+
+
+def _wind(v: Vehicle, rng: Rng, share: float) -> Effect:
+    """The same strong wind in all flights, three of the file's standard deviations and more."""
+    usual = float(v.document["environment"]["wind_std"]["value"])
+    speed, to = share * usual * float(rng.uniform(3.1, 3.6)), float(rng.uniform(0.0, 2.0 * math.pi))
+
+    def blow(world: World) -> list[Fault]:
+        world.set_wind(speed, (to + math.pi) % (2.0 * math.pi))
+        return []
+
+    values = {"e": speed * math.sin(to), "n": speed * math.cos(to)}
+    return Effect("wind", "plant", "steady", values=values, tampering=(blow,))
+
+
+def _rotor_droop(v: Vehicle, rng: Rng, share: float) -> Effect:
+    del v
+    value = share * float(rng.uniform(0.08, 0.15))
+    return _set("rotor_droop", "plant", "terms.rotor_droop.droop", value, "1", "droop")
+
+
+def _lens_distortion(v: Vehicle, rng: Rng, share: float) -> Effect:
+    del v
+    value = share * signed(rng, 0.08, 0.2)
+    return _set("lens_distortion", "sensor", "cameras.down.k1", value, "1", "k1", ("pad",))
 
 
 def _baro_glitch(v: Vehicle, rng: Rng, share: float) -> Effect:
@@ -298,6 +324,7 @@ EFFECTS: Mapping[str, Draw] = {
     "camera_focal": _camera("camera_focal", "sensor", {"focal_scale": (0.02, 0.06, "1")}, nominal=1.0),
     "camera_tilt": _camera("camera_tilt", "sensor", {"roll": (0.025, 0.06, "rad"), "pitch": (0.025, 0.06, "rad")}),
     "clock_offset": _clock_offset, "baro_glitch": _baro_glitch, "sonar_false_echo": _sonar_false_echo,
+    "wind": _wind, "rotor_droop": _rotor_droop, "lens_distortion": _lens_distortion,
 }  # fmt: skip
 
 # what no catalogue holds: (effect, channel that shows it, what it depends on)

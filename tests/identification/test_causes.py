@@ -65,7 +65,8 @@ def seen(craft: Vehicle, topic: str, samples: int = 60) -> Table:
     for i in range(samples):
         sample = device.sample(truth(i * 0.2))
         if sample is not None:
-            rows.append(tuple(stamped(sample, fitted.numbers.get("clock", 0.0))))
+            moved: Any = stamped(sample, fitted.numbers.get("clock", 0.0))
+            rows.append(tuple(moved))
     kinds = {name: kind for kind, name in TOPICS.items()}
     return table("measured", topic, rows, kinds[topic]._fields)  # type: ignore[attr-defined]
 
