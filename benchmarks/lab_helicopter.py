@@ -3,9 +3,10 @@
 python benchmarks/lab_helicopter.py LOG.csv [--splits 45 65.5 85] [-o DIR]
 
 Mechanistic: the paper's model, its parameters fitted anew. Nested: structure of yaw, length of the fitted runs and
-what a good model may be off chosen by cross-validation on the rows before the split, which alone were seen. By hand:
-dry friction, a late yaw motor, a stiffening cable and a pitch motor whose torque grows by a power of the voltage,
-chosen with the whole log in sight; each of them is also left out by itself (`--ablate`).
+what a good model may be off chosen by cross-validation on the rows before the split, which alone were seen.
+Everything: all of these structures at once, held back by their priors; only how hard to fit is chosen. By hand: dry
+friction, a late yaw motor, a stiffening cable and a pitch motor whose torque grows by a power of the voltage, chosen
+with the whole log in sight; each of them is also left out by itself (`--ablate`).
 Free runs of 10 s, one every 2.5 s, on what was not fitted; intervals by a bootstrap of blocks of 10 s.
 """
 
@@ -24,7 +25,7 @@ from flightlog.readers import read_log
 from helideck.estimation import find_mapping
 from identification.course import Course, courses
 from identification.free_run import Runs, rig_runs
-from identification.inner_choice import Choice, Hardness, Inner, Options
+from identification.inner_choice import Hardness, Inner, Options, Structure
 from identification.one_joint import OneJoint
 from identification.rig_fit import Free, RigFit, Weighing, fit_rig
 from sim.rig import Rig, load_rig
@@ -68,6 +69,9 @@ GROUPS: Options = {
     "input": {"power": (), "deadband": (Free("terms.input_nonlinearity.yaw_motor.deadband", 0.1, 1.0, True),)},
 }  # fmt: skip
 FIRST_GUESS = {"friction": "dry", "late": "lag, delay", "cable": "cubic cable", "air": "linear", "input": "power"}
+EVERYTHING = {
+    "friction": "sticking", "late": "lag, delay", "cable": "cubic cable", "air": "square", "input": "deadband",
+}  # fmt: skip
 FIRST_HARDNESS, OF_PITCH = Hardness(2.5, 0.2), Hardness(2.5, 0.1)
 HARDNESSES = tuple(Hardness(horizon, spread) for spread in (0.4, 0.2, 0.1) for horizon in (2.5, 5.0))
 BEST_LINEAR = Weighing(20.0, 2.5, 0.05)  # runs of 20 s give the mechanistic model its best held-out figures
@@ -113,13 +117,23 @@ def judge(rig: Rig, fit: RigFit | None, fixed: dict[str, float], parts: tuple[Co
     ), rest  # fmt: skip
 
 
-def nested(rig: Rig, seen: Course) -> tuple[dict[str, float], Choice]:
-    """Values of a model whose structure and hardness were chosen on `seen` alone."""
+def nested(rig: Rig, seen: Course, choosing: bool) -> tuple[dict[str, float], str]:
+    """Values and choice of a model of yaw and pitch that knows of nothing but `seen`.
+
+    Choosing: structure and hardness; else everything is in, and only the hardness is chosen.
+    """
     yaw = Inner(OneJoint(rig, seen, "yaw"), YAW, GROUPS)
-    choice = yaw.choose(FIRST_GUESS, FIRST_HARDNESS, HARDNESSES)
-    values = yaw.fit(choice.structure, choice.hardness)
+    structure: Structure = EVERYTHING
+    if choosing:
+        choice = yaw.choose(FIRST_GUESS, FIRST_HARDNESS, HARDNESSES)
+        structure = choice.structure
+    hardness = yaw.hardened(structure, HARDNESSES)
+    values = yaw.fit(structure, hardness)
     kept = {key: value for key, value in values.items() if "exponent" in key}
-    return values | Inner(OneJoint(rig.changed(kept), seen, "pitch"), PITCH, {}).fit({}, OF_PITCH), choice
+    values |= Inner(OneJoint(rig.changed(kept), seen, "pitch"), PITCH, {}).fit({}, OF_PITCH)
+    error = math.sqrt(float(yaw.errors(structure, hardness).mean()))
+    how = f"{', '.join(structure.values())}; runs of {hardness.horizon:g} s, {hardness.spread:g} rad"
+    return values, f"{how}; inner {error:.3f} rad"
 
 
 def at(rig: Rig, course: Course, split: float, ablate: bool) -> tuple[dict[str, Held], dict[str, Runs]]:
@@ -127,11 +141,10 @@ def at(rig: Rig, course: Course, split: float, ablate: bool) -> tuple[dict[str, 
     parts = course.part(-math.inf, split), course.part(split, math.inf)
     found: dict[str, tuple[Held, Runs]] = {"nominal": judge(rig, None, {}, parts)}
     found["mechanistic"] = judge(rig, fit_rig(rig, parts[:1], MECHANISTIC, BEST_LINEAR), {}, parts)
-    values, choice = nested(rig, parts[0])
-    item, runs = judge(rig, None, values, parts)
-    told = ", ".join(choice.structure.values())
-    how = f"{told}; runs of {choice.hardness.horizon:g} s, {choice.hardness.spread:g} rad; inner {choice.error:.3f} rad"
-    found["nested"] = replace(item, values={key: (value, math.nan) for key, value in values.items()}, how=how), runs
+    for name, choosing in (("nested", True), ("everything", False)):
+        values, how = nested(rig, parts[0], choosing)
+        item, runs = judge(rig, None, values, parts)
+        found[name] = replace(item, values={key: (value, math.nan) for key, value in values.items()}, how=how), runs
     for left_out in ("", *(FOUND if ablate else ())):
         free = (*MECHANISTIC, *(f for name, own in FOUND.items() if name != left_out for f in own))
         fixed = {} if left_out == "power" else POWER

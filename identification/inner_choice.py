@@ -69,7 +69,7 @@ class Inner:
 
         def error(structure: Structure, how: Hardness) -> float:
             found = _rms(self.errors(structure, how))
-            looked[" ".join(structure.values()) + f" {how.horizon:g} s {how.spread:g} rad"] = found
+            looked[_told(structure, how)] = found
             return found
 
         best = dict(start)
@@ -79,10 +79,14 @@ class Inner:
                 best = min(({**best, group: option} for option in given), key=lambda s: error(s, first))
             if best == before:
                 break
-        scores = {how: error(best, how) for how in hardnesses}
-        least = min(hardnesses, key=lambda how: scores[how])
-        chosen = next(how for how in hardnesses if self._as_good(best, how, least))
-        return Choice(best, chosen, scores[chosen], looked)
+        chosen = self.hardened(best, hardnesses)
+        looked |= {_told(best, how): _rms(self.errors(best, how)) for how in hardnesses}
+        return Choice(best, chosen, _rms(self.errors(best, chosen)), looked)
+
+    def hardened(self, structure: Structure, hardnesses: Sequence[Hardness]) -> Hardness:
+        """The first of `hardnesses`, the most cautious, that is as good as the best within one standard error."""
+        least = min(hardnesses, key=lambda how: _rms(self.errors(structure, how)))
+        return next(how for how in hardnesses if self._as_good(structure, how, least))
 
     def fit(self, structure: Structure, how: Hardness) -> dict[str, float]:
         """The most probable values of all that is free, on all the rows that may be seen."""
@@ -128,6 +132,10 @@ class Inner:
             return np.concatenate([x, np.clip(off * weight, -FURTHEST, FURTHEST).ravel()])
 
         return np.asarray(least_squares(residual, start, diff_step=1e-3, x_scale=0.3, max_nfev=ROUNDS).x)
+
+
+def _told(structure: Structure, how: Hardness) -> str:
+    return f"{', '.join(structure.values())}; runs of {how.horizon:g} s, {how.spread:g} rad"
 
 
 def _values(free: Sequence[Free], x: Floats) -> dict[str, float]:
