@@ -14,7 +14,7 @@ def ulog(topics, parameters=None):
     """A ULog's bytes.
 
     topics: (name, instance) -> {field: (type, values)}, the first field `timestamp` in microseconds; `field[3]` as a
-    name makes an array of the values (N, 3).
+    name makes an array of the values (N, 3), `field[3].part` an array of messages with that one field.
     """
 
     def message(kind, body):
@@ -26,6 +26,10 @@ def ulog(topics, parameters=None):
         declared = []
         for field, (kind, _) in fields.items():
             base, _, size = field.partition("[")
+            size, _, part = size.partition(".")
+            if part:
+                formats[f"{base}_report"] = f"{base}_report:{kind} {part};"
+                kind = f"{base}_report"
             declared.append(f"{kind}[{size} {base}" if size else f"{kind} {field}")
         formats[name] = f"{name}:{';'.join(declared)};"
     out += [message("F", text.encode()) for text in formats.values()]

@@ -300,3 +300,31 @@ def test_a_mapping_belongs_to_a_single_csv(write, tmp_path):
         read_log(tmp_path, mapping)
     with pytest.raises(UserError, match="no such log"):
         read_log(tmp_path / "nowhere.csv", mapping)
+
+
+TARGETS = st.sampled_from(["imu.fx", "imu.wx", "baro.altitude", "gps.e", "joints.a", "controls.m1", "estimate.yaw",
+                           "reference.qw", "sonar.valid", "nothing.x", "imu.t", "pad.source", "gps", ""])  # fmt: skip
+UNITS = st.sampled_from(["", "m", "cm", "deg", "rad", "deg/s", "g", "m/s^2", "cm/s^2", "K", "degC", "%", "parsec"])
+NUMBERS = st.one_of(st.integers(-(10**9), 10**9), st.floats(), st.just("big"))
+SOURCES = st.sampled_from(["a", "b", "c", "d d", "none"])
+
+
+@given(
+    st.dictionaries(SOURCES, st.tuples(TARGETS, UNITS, NUMBERS, NUMBERS), min_size=1, max_size=4),
+    st.sampled_from(['column = "a"', 'column = "c", unit = "ms"', "step = 0.01", "step = -1", "step = 1e300"]),
+    st.lists(st.lists(cells, min_size=4, max_size=4), max_size=15),
+)
+@FUZZ
+def test_any_mapping_of_any_table_is_a_log_or_one_clear_line(tmp_path, columns, clock, table):
+    lines = [f"time = {{{clock}}}", "[columns]"]
+    for source, (target, unit, scale, offset) in columns.items():
+        said = f', unit = "{unit}"' if unit else ""
+        numbers = ", ".join(f"{k} = {v!r}" for k, v in (("scale", scale), ("offset", offset)))
+        lines.append(f'"{source}" = {{to = "{target}"{said}, {numbers}}}')
+    (tmp_path / "m.toml").write_text("\n".join(lines).replace("'", '"'), "utf-8")
+    rows = [["a", "b", "c", "d d"], *table]
+    (tmp_path / "log.csv").write_text("\n".join(",".join(map(str, row)) for row in rows), "utf-8", "surrogatepass")
+    try:
+        read_log(tmp_path / "log.csv", tmp_path / "m.toml")
+    except UserError as error:
+        assert "\n" not in str(error)

@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from flightlog.errors import UserError
-from flightlog.readers import read_flight
+from flightlog.readers import read_flight, read_log
 from flightlog.recorder import Recorder, write_flight
 
 
@@ -215,3 +215,24 @@ def test_an_unknown_topic_is_told_with_the_known(flight):
     write(flight, "mag", {"t": [0.0]})
     with pytest.raises(KeyError, match="no topic 'compass'; there is mag"):
         _ = read_flight(flight).measured["compass"]
+
+
+@given(st.data())
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60, deadline=None)
+def test_a_folder_broken_anywhere_is_a_log_or_one_clear_line(tmp_path_factory, data):
+    folder = tmp_path_factory.mktemp("broken") / "flight"
+    stream = record(folder, 60, 20)
+    write(folder, "gps", {"t": np.arange(30) * 0.2, "u": np.arange(30) * 1.0})
+    file = data.draw(st.sampled_from([stream, folder / "measured/gps.parquet", folder / "flight.json"]))
+    whole = bytearray(file.read_bytes())
+    at = data.draw(st.integers(0, len(whole) - 1))
+    if data.draw(st.booleans()):
+        del whole[at:]
+    else:
+        noise = data.draw(st.binary(min_size=1, max_size=20))
+        whole[at : at + len(noise)] = noise
+    file.write_bytes(whole)
+    try:
+        read_log(folder)
+    except UserError as error:
+        assert str(folder) in str(error) and "\n" not in str(error)

@@ -12,6 +12,8 @@ from flightlog.readers import read_flight, read_log
 from flightlog.rotations import from_angles
 from scenarios.flight import fly
 from scenarios.load import build
+from sim.multirotor import load_multirotor
+from sim.multirotor.simulate import fly as hovering
 from tests.flightlog.log_writers import ulog
 
 FUZZ = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
@@ -28,6 +30,11 @@ def stamps(t):
 def attitude(roll, pitch, heading):
     """Quaternion wxyz (N, 4), forward, right, down to north, east, down."""
     return (NED.inv() * from_angles(roll, pitch, heading) * FRD.inv()).as_quat()[:, [3, 0, 1, 2]]
+
+
+def revolutions(speed):
+    """Turns a minute."""
+    return speed * 30.0 / np.pi
 
 
 def as_ulog(tables):
@@ -75,7 +82,7 @@ def as_ulog(tables):
             ("esc_status", 0): {
                 "timestamp": stamps(rotor["t"]),
                 "esc_count": ("uint8_t", np.ones(len(rotor))),
-                "esc_rpm": ("int32_t", np.zeros(len(rotor))),
+                "esc[8].esc_rpm": ("int32_t", np.round(revolutions(rotor["speed"])[:, None] * (np.arange(8) == 0))),
             },
             ("vehicle_local_position", 0): {
                 "timestamp": stamps(own["t"]),
@@ -104,6 +111,7 @@ def flight(tmp_path_factory):
 
 TOLERANCES = {  # single precision, and microseconds
     "imu": 1e-5, "mag": 1e-5, "baro": 1e-2, "gps": 1e-5, "sonar": 1e-6, "estimate": 1e-5,
+    "rotor": 0.06,  # whole turns a minute
 }  # fmt: skip
 
 
@@ -131,6 +139,36 @@ def test_a_flight_of_ours_comes_back(flight, topic):
         np.testing.assert_allclose(values, wanted, atol=TOLERANCES[topic], rtol=1e-6, err_msg=column)
     if topic == "gps":
         np.testing.assert_allclose(found["t_arrival"], right["t_arrival"], atol=1e-6)
+
+
+@pytest.mark.parametrize("outputs", ["actuator_motors", "actuator_outputs"])
+def test_a_multirotor_s_flight_comes_back(tmp_path, outputs):
+    craft = load_multirotor("crazyflie")
+    flown = hovering(craft, np.random.default_rng(2), 3.0)
+    t, battery = flown["controls"]["t"], flown["battery"]
+    commands = np.column_stack([flown["controls"][f"m{i}"] for i in range(1, 5)])
+    speeds = 1500.0 + 500.0 * commands
+    if outputs == "actuator_motors":
+        sent = {"control[12]": ("float", np.column_stack([commands, np.full((len(t), 8), np.nan)]))}
+    else:
+        pulses = np.column_stack([1000.0 + 1000.0 * commands, np.zeros((len(t), 12))])
+        sent = {"noutputs": ("uint32_t", np.full(len(t), 4)), "output[16]": ("float", pulses)}
+    path = tmp_path / "quad.ulg"
+    path.write_bytes(ulog({
+        (outputs, 0): {"timestamp": stamps(t), **sent},
+        ("battery_status", 0): {"timestamp": stamps(battery["t"]), "voltage_v": ("float", battery["voltage"])},
+        ("esc_status", 0): {
+            "timestamp": stamps(t), "esc_count": ("uint8_t", np.full(len(t), 4)),
+            "esc[8].esc_rpm": ("int32_t", np.round(revolutions(np.column_stack([speeds, 0.0 * speeds])))),
+        },
+    }))  # fmt: skip
+    log = read_log(path)
+    assert sorted(log.tables) == ["battery", "controls", "rotor"]
+    np.testing.assert_allclose(log.tables["controls"]["t"], t, atol=1e-6)
+    np.testing.assert_allclose(log.tables["battery"]["voltage"], battery["voltage"], atol=1e-5)
+    for i in range(4):
+        np.testing.assert_allclose(log.tables["controls"][f"m{i + 1}"], commands[:, i], atol=1e-6)
+        np.testing.assert_allclose(log.tables["rotor"][f"speed{i + 1}"], speeds[:, i], atol=0.06)
 
 
 def test_parameters_and_motor_commands(tmp_path):
