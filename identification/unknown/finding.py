@@ -11,13 +11,15 @@ from identification.unknown import formula
 from identification.unknown.bank import Bank, Way
 from identification.unknown.null import ALIKE, MARGIN
 from identification.unknown.opening import limits, open_bank
-from identification.unknown.scoring import Effect, Elimination, Moments, Place, Weighed, over, scan, weigh
+from identification.unknown.scoring import Effect, Elimination, Moments, Place, Weighed, held_out, over, scan, weigh
 from identification.verdict import Alternative, Curve, Unexplained
 
 Floats = NDArray[np.float64]
 
 MOST = 3  # effects
 POINTS = 25  # of a curve
+HELD = 5.0  # [nats] that a curve must gain where it was not fitted
+THIRDS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +102,8 @@ class _Finder:
             place = max(scores, key=lambda p: scores[p].nats - self._limit(p))
             if scores[place].nats < self._limit(place):
                 break
+            if self._held_out(names, effects, place, scores[place]) < HELD:
+                break
             smaller = self._drop(names, effects, place, scores[place])
             if smaller != names:  # what the effect is may look otherwise without them
                 names = smaller
@@ -109,6 +113,22 @@ class _Finder:
             scans.append((place, scores))
         found = [self._describe(names, effects, i, scores) for i, (_, scores) in enumerate(scans)]
         return Outcome(names, found, first)
+
+    def _held_out(self, names: Names, effects: Sequence[Effect], place: Place, score: Weighed) -> float:
+        """[nats] that the curve gains where it was not fitted: each flight by the others, or thirds of the only one."""
+        bench, fit = self._bench, self._search.fit(names)
+        units: list[list[NDArray[np.bool_]]] = []
+        rows = [bench.rows(i, fit.at) for i in range(self._flights)]
+        for i, item in enumerate(rows):
+            edges = np.quantile(item.t, np.linspace(0.0, 1.0, 1 + (THIRDS if self._flights == 1 else 1)))
+            which = np.clip(np.searchsorted(edges, item.t, side="right") - 1, 0, len(edges) - 2)
+            for part in range(len(edges) - 1):
+                units.append([which == part if k == i else np.zeros(len(o.t), bool) for k, o in enumerate(rows)])
+        columns = [self._bank.columns(i, place[0], self._shapes(place, i)) for i in range(self._flights)]
+        moments = [
+            Elimination(self._search, names, self._bank, self._bases, effects, unit).moments(columns) for unit in units
+        ]
+        return held_out(moments, score.std)
 
     def _limit(self, place: Place) -> float:
         return self._limits.get(self._bank.ways[place[0]].group, MARGIN)

@@ -60,10 +60,12 @@ class Elimination:
     """A set of causes at its best values, and everything it leaves free taken out of what is held against it."""
 
     def __init__(
-        self, search: Search, names: Names, bank: Bank, bases: Mapping[str, Basis], effects: Sequence[Effect] = ()
-    ) -> None:
-        """Of all flights; effects: found already, free with the rest."""
+        self, search: Search, names: Names, bank: Bank, bases: Mapping[str, Basis], effects: Sequence[Effect] = (),
+        parts: Sequence[NDArray[np.bool_]] | None = None,
+    ) -> None:  # fmt: skip
+        """Of all flights, or of these rows of each; effects: found already, free with the rest."""
         bench, fit = search.bench, search.fit(names)
+        self._parts = parts
         own = {p.key for name in names for p in search.causes[name].parameters}
         free = dict(bench.tolerances) | {key: bench.spreads[key] for key in own}
         self._designs: list[Floats] = []  # by flight: locals, shared, residual
@@ -78,6 +80,8 @@ class Elimination:
             residual = rows.residual + rows.local @ rows.at + shared @ shift
             more = [_whole(bank, bases, effect, i, len(residual)) for effect in effects]
             design = np.column_stack([rows.local * rows.local_std, shared, *more, residual])
+            if parts is not None:
+                design[~parts[i]] = 0.0
             local = len(rows.local_std)
             square = design.T @ design
             gram = np.eye(local) + square[:local, :local]
@@ -94,6 +98,11 @@ class Elimination:
         """Of the same columns on every flight."""
         inner: list[Floats] = []
         outer: list[Floats] = []
+        if self._parts is not None:
+            parts = [
+                Columns(part.rows, part.values * inside[part.rows, None])
+                for part, inside in zip(parts, self._parts, strict=True)
+            ]
         for part, design, gram, solved in zip(parts, self._designs, self._grams, self._solved, strict=True):
             raw, local = part.values.T @ design[part.rows], len(gram)
             inner.append(part.values.T @ part.values - raw[:, :local] @ np.linalg.solve(gram, raw[:, :local].T))
@@ -131,6 +140,24 @@ def weigh(moments: Moments) -> Weighed:
     covariance[:number, :number] = d[:, None] * np.linalg.inv(np.eye(number) + d[:, None] * g[:number, :number] * d) * d
     mean = covariance @ b
     return Weighed(nats, mean, covariance, std, math.sqrt(max(float(mean @ g @ mean), 0.0)))
+
+
+def held_out(units: Sequence[Moments], std: Floats) -> float:
+    """[nats] of log likelihood that a curve gains on each unit when it is fitted to all the others.
+
+    std (S,): prior of its functions' weights.
+    """
+    used = std > 0.0
+    d = std[used]
+    total = 0.0
+    for held in range(len(units)):
+        others = [unit for i, unit in enumerate(units) if i != held]
+        g = np.sum([unit.information[np.ix_(used, used)] for unit in others], axis=0)
+        b = np.sum([unit.score[used] for unit in others], axis=0)
+        mean = d * np.linalg.solve(np.eye(len(d)) + d[:, None] * g * d, d * b)
+        own = units[held]
+        total += float(mean @ own.score[used] - 0.5 * mean @ own.information[np.ix_(used, used)] @ mean)
+    return total
 
 
 def scan(
