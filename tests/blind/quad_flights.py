@@ -22,6 +22,7 @@ Columns = dict[str, dict[str, Floats]]
 
 TICK = 0.002  # [s]
 EVERY = 5  # ticks a row of the log
+TOPPLED = 1.0  # [rad]
 WARM = 3.0  # [s] that the pilot trims before the log begins
 LINE = 64  # ticks of the line of commands
 
@@ -92,7 +93,7 @@ def fly(
         numbers["mass"], *(numbers[f"inertia.{i}"] for i in range(3)), numbers["terms.motor.tau"],
         numbers["terms.motor.delay"], numbers["terms.drag.area"], numbers["terms.drag.linear"],
         numbers["terms.yaw_trim.arm"], numbers["terms.yaw_trim.per_volt"], numbers["terms.thrust.scale"],
-        numbers["terms.inflow.climb"], numbers["terms.inflow.ahead"],
+        numbers.get("terms.inflow.climb", 0.0), numbers.get("terms.inflow.ahead", 0.0),
     ])  # fmt: skip
     known = np.array([nominal.mass, *(nominal.numbers[f"inertia.{i}"].value for i in range(3))])
     legs = np.array([(g.at_s, g.east, g.north, g.height, g.heading, g.rate, g.speed) for g in plan.legs])
@@ -157,6 +158,15 @@ def _fly(  # type: ignore[no-untyped-def]
     puff, trim_a, trim_m = np.zeros(6), np.zeros(3), np.zeros(3)
     keep = math.exp(-TICK / air[2])
     fresh = math.sqrt(1.0 - keep * keep)
+    lift = mass / (known[0] * body[10] * each[:, 0].mean())
+    trim_a[2] = GRAVITY * (lift - 1.0)  # it is let go trimmed
+    for i in range(n):
+        thrust = lift * hover * each[i, 0]
+        trim_m -= np.array([arms[i, 1], -arms[i, 0], each[i, 1] + body[8]]) * thrust / known[1:]
+    begin = allocation @ np.array([
+        known[0] * (GRAVITY + trim_a[2]), known[1] * trim_m[0], known[2] * trim_m[1], known[3] * trim_m[2]])
+    for i in range(n):
+        lag[i] = late[i] = min(max(begin[i], 0.0), tables[i, -1, 1])
     level, drawn, used, held = hover * n, 1.0, 0.0, battery[1]
     held_at = -1e9
     effective = np.zeros(n)
@@ -191,7 +201,7 @@ def _fly(  # type: ignore[no-untyped-def]
         yaw = math.atan2(r[1, 0], r[0, 0])
         off[2] += math.atan2(math.sin(heading - yaw), math.cos(heading - yaw))
         gain, damping = np.array([45.0, 45.0, 6.0]), np.array([12.0, 12.0, 4.0])
-        trim_m += TICK * 8.0 * off
+        trim_m += TICK * np.array([60.0, 60.0, 4.0]) * off
         twist = gain * off - damping * told_rate + trim_m + kick[1:]
         wanted = allocation @ np.array([
             known[0] * (wish @ r[:, 2]), known[1] * twist[0], known[2] * twist[1], known[3] * twist[2]])  # fmt: skip
@@ -273,7 +283,7 @@ def _columns(
     rows: Floats, nominal: Multirotor, n: int, sensing: Sensing, shake: float, rng: np.random.Generator, stress: bool
 ) -> Columns:
     rows = rows[rows[:, 0] > -0.5 * TICK]
-    if not np.isfinite(rows).all():
+    if not np.isfinite(rows).all() or np.abs(rows[:, 16:18]).max() > TOPPLED:
         raise RuntimeError("the flight came to nothing")
     t, many = rows[:, 0].copy(), len(rows)
     rough = 2.0 if stress else 1.0
