@@ -238,6 +238,11 @@ class MultirotorBench:
             known = self._whitened[flight] = signatures, whole[:, len(self.nominal) :].copy(), std
         return known
 
+    def white(self, flight: int, which: int, values: Floats) -> Floats:
+        """Whitened rows (K, C) of effects (K, C) in one flight's channel number `which` of those it has seen."""
+        item = self.flights[flight]
+        return self._noise[item.seen[which].channel].whiten(values, item.spans)
+
     def _whiten(self, item: Flight, parts: Sequence[Floats]) -> Floats:
         """Channels (K, ...) one behind the other as whitened rows (R, ...)."""
         pairs = zip(item.seen, parts, strict=True)

@@ -17,6 +17,7 @@ Floats = NDArray[np.float64]
 KNOTS = 7
 FUNCTIONS = KNOTS - 1
 MESH = 201
+FEWEST = 60  # rows
 TAIL = 0.5  # [%] of the rows at either end, where a curve is held
 LEAST = 1e-3  # of the driver's usual size that it must vary by
 
@@ -41,7 +42,9 @@ def basis(visited: Floats, near: float | None = None) -> Basis | None:
     near: [the driver's unit] finest scale at its zero, for one of which effects grow towards zero (a height).
     """
     x = visited[np.isfinite(visited)]
-    if len(x) < MESH:
+    if near is not None:
+        x = np.maximum(x, 0.0)
+    if len(x) < FEWEST:
         return None
     low, high = (float(v) for v in np.percentile(x, (TAIL, 100.0 - TAIL)))
     if high - low <= LEAST * max(abs(low), abs(high), 1e-12):

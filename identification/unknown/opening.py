@@ -2,21 +2,24 @@
 
 from collections.abc import Mapping
 
-from identification.bench import Bench
 from identification.helicopter import HelicopterBench
+from identification.multirotor.bench import MultirotorBench
 from identification.unknown.bank import Bank
 from identification.unknown.helicopter import HelicopterBank
+from identification.unknown.multirotor import MultirotorBank
 from identification.unknown.null import HELICOPTER
 
 
-def open_bank(bench: Bench) -> Bank | None:
+def open_bank(bench: object) -> Bank | None:
     """Signatures of unknown effects on these flights; None for a bench that has none."""
     if isinstance(bench, HelicopterBench):
         return HelicopterBank(bench)
+    if isinstance(bench, MultirotorBench):
+        return MultirotorBank(bench)
     made: Bank | None = getattr(bench, "bank", lambda: None)()
     return made
 
 
-def limits(bench: Bench) -> Mapping[str, float]:
+def limits(bench: object) -> Mapping[str, float]:
     """[nats] by group of channels."""
     return HELICOPTER if isinstance(bench, HelicopterBench) else {}
