@@ -16,6 +16,7 @@ from flightlog.rotations import angles, matrix, quaternion
 from flightlog.tables import Table
 from identification import kinematics as k
 from identification.corrections import corrected
+from identification.first_look import displaced, lonely
 from identification.grid import Course, Drive, lay, smooth
 from identification.vibration import calm
 from sim.vehicle import Vehicle
@@ -230,6 +231,7 @@ def _measurements(
     if "sonar" in tables and "sonar" in sensors:
         table, n = tables["sonar"], sensors["sonar"].numbers
         heard = (np.asarray(table["valid"], float) > 0) & ~_out_of_reach(tables, table["t"], n["greatest_range"])
+        heard &= ~lonely(heard, np.asarray(table["range"], float))
         value = np.where(heard, table["range"], np.nan)
         std = np.hypot(n["noise_share"] * value, n["resolution"] / math.sqrt(12.0))
         add(k.SONAR, np.asarray(table["t"]), value, std)
@@ -352,11 +354,14 @@ def _filter(
     shifts, slow = np.zeros(len(times)), np.where(kinds >= k.PAD, stds, 0.0)
     ends = np.clip(edges[1:] - 1, 0, len(imu_t) - 1)
     skid = float(vehicle.geometry["skid_height"])
-    for last in (False, False, False, True):
+    for turn in range(4):
+        last = turn == 3
         k.track(
             imu_t, imu, edges, first, kinds, times, values, stds, slow, shifts, start, setup, MAGNETIC_FIELD, prior,
             noise, decay, way, samples, rows, gains, answers,
         )  # fmt: skip
+        if turn == 0:
+            start, prior = _mended(vehicle, imu_t, samples, kinds, times, values, setup, start, prior)
         height = samples[ends, 2] - skid
         if not last:
             shifts = _downwash(vehicle, kinds, times, imu_t[ends], height, mass * way[:, 2], surface)
@@ -366,6 +371,25 @@ def _filter(
         samples[ends, :3], samples[ends, 3:6], samples[ends, 6:],
     )  # fmt: skip
     return motion, samples, height
+
+
+def _mended(
+    vehicle: Vehicle, imu_t: Floats, samples: Floats, kinds: Ints, times: Floats, values: Floats, setup: Floats,
+    start: Floats, prior: Floats,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Start and prior where the receiver, by which the start was taken, stands far off the mark."""
+    if "gps" not in vehicle.sensors:
+        return start, prior
+    n = vehicle.sensors["gps"].numbers
+    flat, up = np.hypot(n["bias_std"], n["wander_std"]), np.hypot(n["bias_std_up"], n["wander_std_up"])
+    off = displaced(imu_t, samples, kinds, times, values, setup, np.array([flat, flat, up]))
+    seen = times[kinds == k.PAD]
+    if off is None or seen[0] < imu_t[0] + SETTLED:  # else the mark itself is where it began
+        return start, prior
+    start, prior = start.copy(), prior.copy()
+    start[:3] -= off[0]
+    prior[k.P : k.P + 3] = off[1] ** 2
+    return start, prior
 
 
 def _noise_factors(kinds: Ints, times: Floats, stds: Floats, answers: Floats, begin: float) -> Floats:
