@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from identification.closed_loop import Landing
 from identification.diagnosis import Diagnosis
 from identification.gain import Gain
-from identification.verdict import Asserted, Verdict
+from identification.verdict import Asserted, Unexplained, Verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,14 +25,23 @@ def sentence(verdict: Verdict) -> str:
     who = "the sensors" if verdict.vehicle is None else f"the model of {verdict.vehicle}"
     if not verdict.baseline.certified:
         return f"No verdict: {who} cannot be judged on {flights}: {verdict.baseline.reason or 'the baseline fails'}."
+    beside = "; ".join(_unexplained(item) for item in verdict.unexplained)
     if not verdict.causes:
-        more = ""
-        if verdict.unexplained:
-            more = f" What stays unexplained: {', '.join(u.channel for u in verdict.unexplained)}."
-        return f"On {flights} nothing was found wrong with {who}.{more}"
+        if beside:
+            return f"On {flights} something is wrong with {who} that no known cause explains: {beside}."
+        return f"On {flights} nothing was found wrong with {who}."
     found = "; ".join(_told(cause) for cause in verdict.causes)
     count = "one thing is" if len(verdict.causes) == 1 else f"{len(verdict.causes)} things are"
-    return f"On {flights} {count} wrong with {who}: {found}."
+    more = f" No known cause explains: {beside}." if beside else ""
+    return f"On {flights} {count} wrong with {who}: {found}.{more}"
+
+
+def _unexplained(item: Unexplained) -> str:
+    """Channel, what it depends on and its form."""
+    text = f"{item.channel} over {' or '.join(item.depends_on).replace('_', ' ')}"
+    if item.form is not None and item.curve is not None:
+        text += f", about {item.form} {item.curve.unit}"
+    return text
 
 
 def _told(cause: Asserted) -> str:

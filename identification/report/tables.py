@@ -116,10 +116,13 @@ def _predictions(findings: Findings) -> Table:
 
 def _unexplained(findings: Findings) -> Table:
     rows = [
-        (u.channel, f"{100 * u.share_of_variance:.0f} %", ", ".join(u.depends_on), u.form or "")
+        (
+            u.channel, f"{100 * u.share_of_variance:.0f} %", " or ".join(u.depends_on), u.form or "", number(u.nats),
+            ", ".join(f"{a.channel} over {a.driver}" for a in u.alternatives if a.channel != u.channel),
+        )
         for u in findings.verdict.unexplained
-    ]
-    head = ("channel", "of its variance", "depends on", "form")
+    ]  # fmt: skip
+    head = ("channel", "of its variance", "depends on", "form", "evidence [nats]", "not to be told from")
     return Table("What no named cause explains", head, rows)
 
 

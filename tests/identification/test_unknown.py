@@ -4,9 +4,15 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
+from flightlog.tables import Table
+from flightlog.topics import topic_of
 from identification.bench import Baseline, Channel
+from identification.diagnosis import examine
+from identification.report import Findings, sentence
+from identification.report.panels import unexplained
 from identification.search import Search
 from identification.stack import Rows
 from identification.unknown import basis as basis_module
@@ -18,6 +24,8 @@ from identification.unknown.scoring import Moments, weigh
 from identification.unknown.table import tables
 from sim import terms
 from sim import vehicle as vehicles
+from sim.multirotor import load_multirotor
+from sim.multirotor.simulate import fly
 from sim.pipeline import Pipeline
 
 NODES = 1500
@@ -211,3 +219,20 @@ def test_the_table_flies_within_what_was_visited_and_is_held_beyond():
         held = np.interp(height, found.x, found.values) * mass
         assert s["force"] == pytest.approx([held, 0.0, 0.0], abs=0.06 * mass)
     assert len(made.values) == len(made.covariance) == 24
+
+
+def test_a_multirotors_drag_on_its_lift_is_told_by_its_speed():
+    craft, rng = load_multirotor("crazyflie"), np.random.default_rng(5000)
+    columns = fly(craft, rng, 40.0)
+    estimate, imu = columns["estimate"], columns["imu"]
+    speed = np.hypot(np.asarray(estimate["ve"]), np.asarray(estimate["vn"]))
+    imu["fz"] = np.asarray(imu["fz"]) + 6.0 * np.interp(imu["t"], estimate["t"], speed)
+    flight = {topic: Table(topic, pa.table(dict(rows)), topic_of("measured", topic)) for topic, rows in columns.items()}
+    found = examine({"flight": flight}, craft)
+    (seen,) = found.verdict.unexplained
+    assert (seen.channel, list(seen.depends_on)) == ("force_z", ["speed"])
+    slope = np.polyfit(seen.curve.x, seen.curve.value, 1)[0]
+    assert slope == pytest.approx(6.0, rel=0.4)
+    findings = Findings(found.verdict, found, None)
+    assert "force_z over speed" in sentence(findings.verdict)
+    assert unexplained.draw(findings)[:4] == b"\x89PNG"
