@@ -13,7 +13,7 @@ from scipy.linalg import block_diag
 
 from flightlog.errors import UserError
 from helideck.estimation import find_mapping
-from identification import extension, gain, parity
+from identification import counts, extension, gain, parity
 from identification.closed_loop import Landing
 from identification.diagnosis import Diagnosis, examine, open_bench
 from identification.intake import sound
@@ -131,10 +131,9 @@ def diagnose(
         worth = gain.of_each(found, measured, bench) if verdict.causes else {}
         verdict = replace(
             verdict, channels=measured.errors(),
-            causes=[replace(cause, gain=worth.get(cause.name)) for cause in verdict.causes],
+            causes=[replace(cause, gain=worth.get(cause.name, cause.gain)) for cause in verdict.causes],
         )  # fmt: skip
-        # counts change nothing in the model
-        if any(c.name in found.causes for c in verdict.causes) or tables(found.unknown, flown).values:
+        if verdict.causes or tables(found.unknown, flown).values:
             progress(4, STEPS, "extending the vehicle")
             made = _extend(found, verdict, flights, folder)
             verdict = replace(verdict, extended_vehicle=str(made.path))
@@ -212,11 +211,14 @@ def _extend(found: Diagnosis, verdict: Verdict, flights: Flights, folder: Path) 
     names = tuple(sorted(cause.name for cause in verdict.causes if cause.name in found.causes))
     fit = found.search.fit(names)
     of = {p.key: name for name in names for p in found.search.causes[name].parameters}
-    beside = tables(found.unknown, found.bench.vehicle)
+    beside, events = tables(found.unknown, found.bench.vehicle), counts.told(verdict.causes, len(found.bench.names))
     delta = extension.Delta(
-        values={**fit.values, **beside.values}, causes=of | dict(beside.of),
-        units={key: found.bench.units[key] for key in of} | dict(beside.units),
-        covariance=block_diag(fit.covariance, beside.covariance), visited=visited(found.bench),
+        values={**fit.values, **beside.values, **{key: value for key, (value, *_) in events.items()}},
+        causes=of | dict(beside.of) | {key: cause for key, (_, cause, _, _) in events.items()},
+        units={key: found.bench.units[key] for key in of} | dict(beside.units)
+        | {key: unit for key, (*_, unit, _) in events.items()},
+        covariance=block_diag(fit.covariance, beside.covariance, np.diag([std**2 for *_, std in events.values()])),
+        visited=visited(found.bench),
     )  # fmt: skip
     hashes: Mapping[str, str] = {name: extension.digest(log.path) for name, log in flights.logs.items()}
     return extension.write(found.bench.vehicle, delta, hashes, folder / "extended.toml")

@@ -16,7 +16,7 @@ from identification.causes import CATALOGUE
 from identification.flight import Flight
 from identification.parity import events
 from identification.parity.series import Series, collect
-from identification.verdict import Asserted, Candidate, Fitted
+from identification.verdict import Asserted, Candidate, CauseGain, Fitted
 from sim.vehicle import Vehicle
 
 Floats = NDArray[np.float64]
@@ -25,6 +25,8 @@ PRIOR = 0.01  # that such events are at work
 CLEAR = 0.5  # [m] beyond its reach, from which on a ranger can have no echo
 QUIET = 3.0  # white noises of a barometer that count as everyday
 LAG = 0.4  # [s] of the barometer behind the motion
+ALIKE = 1.5  # times the size that the file tells of, up to which a jump is no other
+FOLDS = 5  # parts of a single flight, each of which is held out in turn
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,7 @@ class Counted:
     name: str
     log_bayes_factor: float
     parameters: Mapping[str, Fitted]
+    gain: CauseGain | None = None
 
     @property
     def probability(self) -> float:
@@ -43,7 +46,7 @@ class Counted:
 
     def asserted(self) -> Asserted:
         """As the verdict says it."""
-        return Asserted(self.name, CATALOGUE[self.name].where, self.probability, self.parameters, None)
+        return Asserted(self.name, CATALOGUE[self.name].where, self.probability, self.parameters, self.gain)
 
     def candidate(self) -> Candidate:
         """As everything that was scored."""
@@ -66,14 +69,14 @@ def _echoes(tables: Sequence[Mapping[str, Table]], flights: Sequence[Flight], ve
     numbers = vehicle.sensors["sonar"].numbers
     declared = numbers["false_echo_share"]
     tolerance = float(vehicle.document["sensors"]["sonar"]["false_echo_share"].get("tolerance", 0.02))
-    could = claimed = 0
+    heard: list[NDArray[np.bool_]] = []
     for table, flight in zip(tables, flights, strict=True):
         t = np.asarray(table["sonar"]["t"], float)
         height = np.interp(t, flight.motion.t, flight.motion.position[:, 2], left=0.0, right=0.0)
         beyond = height > numbers["greatest_range"] + CLEAR
         valid = np.asarray(table["sonar"]["valid"], float) if "valid" in table["sonar"] else np.ones(len(t))
-        could += int(beyond.sum())
-        claimed += int((beyond & (valid > 0)).sum())
+        heard.append(valid[beyond] > 0)
+    could, claimed = sum(len(one) for one in heard), sum(int(one.sum()) for one in heard)
     mean = min(max(declared, 1e-3), 0.5)
     weight = max(mean * (1.0 - mean) / max(tolerance, 1e-3) ** 2 - 1.0, 2.0)
     a, b = mean * weight, (1.0 - mean) * weight
@@ -84,7 +87,20 @@ def _echoes(tables: Sequence[Mapping[str, Table]], flights: Sequence[Flight], ve
     ends = max(0.0, share - 1.96 * std), min(1.0, share + 1.96 * std)
     # fewer than declared is no fault
     return Counted("sonar_false_echo", float(evidence) if share > declared else min(0.0, float(evidence)),
-                   {"share": Fitted(share, declared, std, ends, "1")})  # fmt: skip
+                   {"share": Fitted(share, declared, std, ends, "1")}, _foretold(heard, declared))  # fmt: skip
+
+
+def _foretold(heard: Sequence[NDArray[np.bool_]], declared: float) -> CauseGain | None:
+    """How much better the others' share foretells whether there is an echo: each flight, or part of one, held out."""
+    parts = list(heard) if len(heard) > 1 else np.array_split(heard[0], FOLDS)
+    whole = np.concatenate(parts)
+    if len(whole) < FOLDS or whole.all() == whole.any():
+        return None
+    others = [(1.0 + whole.sum() - one.sum()) / (2.0 + len(whole) - len(one)) for one in parts]
+    told = np.repeat(others, [len(one) for one in parts])
+    before, after, floor = (float(np.mean((whole - share) ** 2)) for share in (declared, told, whole.mean()))
+    explained = (before - after) / max(before - floor, 1e-12)
+    return CauseGain("sonar.valid", 1.0 - float(np.sqrt(after / before)), float(np.clip(explained, -1.0, 1.0)))
 
 
 def _jumps(tables: Sequence[Mapping[str, Table]], flights: Sequence[Flight], vehicle: Vehicle) -> Counted:
@@ -102,6 +118,12 @@ def _jumps(tables: Sequence[Mapping[str, Table]], flights: Sequence[Flight], veh
         number += jumps.count
         if best is None or abs(jumps.size) > abs(best.size):
             best = jumps
+    known = vehicle.sensors["baro"].numbers
+    usual = len(flights) * known["glitch_count"]
+    if usual > 0.0 and best is not None and number <= usual + 3.0 * np.sqrt(usual) and (
+        abs(best.size) <= ALIKE * abs(known["glitch_size"])
+    ):
+        total = 0.0  # the file tells of such jumps
     size, first = (0.0, float("nan")) if best is None else (best.size, best.first)
     spread = float(np.sqrt(max(number, 1)))
     return Counted("baro_glitch", total, {
@@ -109,3 +131,20 @@ def _jumps(tables: Sequence[Mapping[str, Table]], flights: Sequence[Flight], veh
         "size": Fitted(size, 0.0, noise, (size - 1.96 * noise, size + 1.96 * noise), "m"),
         "first": Fitted(first, 0.0, 0.1, (first - 0.196, first + 0.196), "s"),
     })  # fmt: skip
+
+
+def told(causes: Sequence[Asserted], flights: int) -> dict[str, tuple[float, str, str, float]]:
+    """What counted causes change in the vehicle file: by key value, cause, unit and standard deviation.
+
+    Jumps are counted over all the flights and told of one.
+    """
+    found = {}
+    for cause in causes:
+        own = CATALOGUE.get(cause.name)
+        if own is None or not own.counted:
+            continue
+        for p in own.parameters:
+            fitted = cause.parameters[p.name]
+            share = 1.0 / flights if p.name == "count" else 1.0
+            found[p.key] = (fitted.value * share, cause.name, p.unit, fitted.std * share)
+    return found

@@ -49,8 +49,15 @@ class Barometer(Device):
         Parameter("temperature_noise", "K", 0.0, 5.0, "white noise of the temperature"),
         Parameter("bias", "m", -100.0, 100.0, "fixed bias", 0.0),
         Parameter("drift_rate", "m/s", -10.0, 10.0, "steady drift since the start", 0.0),
+        Parameter("glitch_count", "1", 0.0, 1e4, "jumps in a flight, each of which comes back", 0.0),
+        Parameter("glitch_size", "m", -1e4, 1e4, "of a jump", 0.0),
+        Parameter("glitch_first", "s", 0.0, 1e5, "when the first begins", 0.0),
+        Parameter("glitch_every", "s", 0.1, 1e5, "from one to the next", 5.0),
+        Parameter("glitch_length", "s", 0.0, 100.0, "for which a jump lasts", 0.1),
     )
-    ERRORS: ClassVar[tuple[tuple[str, str], ...]] = (("bias", "m"), ("drift", "m"), ("downwash", "m"), ("port", "m"))
+    ERRORS: ClassVar[tuple[tuple[str, str], ...]] = (
+        ("bias", "m"), ("drift", "m"), ("downwash", "m"), ("port", "m"), ("glitch", "m"),
+    )  # fmt: skip
 
     pad_pressure: float  # [Pa] P_b as read on the pad, at the ground
     pad_temperature: float  # [K] T_b
@@ -66,7 +73,7 @@ class Barometer(Device):
         self._ramp = 0.0
         self._lagged = math.nan
         self._normals = Normals(rng, 3)
-        self._error = (0.0, 0.0, 0.0, 0.0)
+        self._error = (0.0, 0.0, 0.0, 0.0, 0.0)
         standing = site.skid_height + self.position[2]  # the port above the ground before the flight
         read = pressure_at(standing, site.surface_pressure, site.surface_temperature) + self._offset
         self.pad_temperature = site.surface_temperature + self._thermometer
@@ -93,11 +100,20 @@ class Barometer(Device):
         self._ramp += n["drift_rate"] * dt
         bias = n["bias"] + n["bias_std"] * self._bias
         drift = self._drift + self._ramp
-        pressure += self._offset - weight * (bias + drift + n["noise"] * z[1])
+        glitch = self._glitch(truth.t)
+        pressure += self._offset - weight * (bias + drift + glitch + n["noise"] * z[1])
         temperature = truth.temperature + self._thermometer + n["temperature_noise"] * z[2]
-        self._error = (bias, drift, -downwash / weight, -port / weight)
+        self._error = (bias, drift, -downwash / weight, -port / weight, glitch)
         altitude = height_from_pressure(pressure, self.pad_pressure, self.pad_temperature)
         return BaroSample(truth.t, pressure, temperature, altitude)
+
+    def _glitch(self, t: float) -> float:
+        """What a jump adds to the height [m] at time t [s]."""
+        n = self.numbers
+        since = t - n["glitch_first"]
+        if since < 0.0 or since >= n["glitch_count"] * n["glitch_every"]:
+            return 0.0
+        return n["glitch_size"] if since % n["glitch_every"] < n["glitch_length"] else 0.0
 
     def errors(self) -> tuple[float, ...]:
         """What each fault adds to the altitude [m]; downwash and port before the lag."""
