@@ -76,7 +76,7 @@ class Curve:
 
     x: Sequence[float]
     x_unit: str
-    value: Sequence[float]  # up to a constant, which cannot be told from a bias; that of the form where there is one
+    value: Sequence[float]  # what it is off by everywhere can hardly be told from a bias
     std: Sequence[float]
     unit: str
 

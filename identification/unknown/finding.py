@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.search import Names, Search
-from identification.unknown import formula
+from identification.unknown import formula, scoring
 from identification.unknown.bank import Bank, Way
 from identification.unknown.null import ALIKE, MARGIN
 from identification.unknown.opening import limits, open_bank
-from identification.unknown.scoring import Effect, Elimination, Moments, Place, Weighed, held_out, over, scan, weigh
+from identification.unknown.scoring import Effect, Elimination, Moments, Place, Weighed, over, scan, weigh
 from identification.verdict import Alternative, Curve, Unexplained
 
 Floats = NDArray[np.float64]
@@ -33,7 +33,7 @@ class Found:
     strength: float  # d'
     alternatives: Sequence[Alternative]
     x: Floats  # (P,) within what was visited
-    values: Floats  # (P,) [the way's unit], as if nothing on the mean, or as the closed form has it
+    values: Floats  # (P,) [the way's unit]; the constant in it is as uncertain as the channel's bias
     covariance: Floats  # (P, P)
     form: formula.Form | None
     visited: tuple[float, float]
@@ -128,7 +128,7 @@ class _Finder:
         moments = [
             Elimination(self._search, names, self._bank, self._bases, effects, unit).moments(columns) for unit in units
         ]
-        return held_out(moments, score.std)
+        return scoring.held_out(moments, score.std)
 
     def _limit(self, place: Place) -> float:
         return self._limits.get(self._bank.ways[place[0]].group, MARGIN)
@@ -183,18 +183,21 @@ class _Finder:
         explained = 0.5 * weighed.strength**2
         form = formula.fit(members, moments, driver, rows, explained)
         x = base.mesh[np.linspace(0, len(base.mesh) - 1, POINTS).astype(int)]
-        at = base(x)
-        curve = at @ weighed.mean
-        if form is not None:  # its constant is the one that the form has
-            curve = curve + float(np.mean(form(x) - curve))
+        # the constant is what biases within their priors leave of it
+        held = np.column_stack([base(values), np.ones(len(values))])
+        each = np.split(held, np.cumsum([len(a.values) for a in along])[:-1])
+        whole = taken.moments([self._bank.columns(i, way, shape) for i, shape in enumerate(each)])
+        prior = np.append(weighed.std, float(np.sqrt(np.sum(weighed.mean**2))))
+        mean, covariance = scoring.posterior(whole, prior)
+        at = np.column_stack([base(x), np.ones(len(x))])
         near = sorted(
             (p for p in scores if p != place and scores[p].nats > scores[place].nats - ALIKE),
             key=lambda p: -scores[p].nats,
         )
         return Found(
             way=self._bank.ways[way], driver=driver, driver_unit=along[0].unit, nats=scores[place].nats,
-            strength=weighed.strength, alternatives=[Alternative(*p, scores[p].nats) for p in near], x=x, values=curve,
-            covariance=at @ weighed.covariance @ at.T, form=form, visited=(base.low, base.high),
+            strength=weighed.strength, alternatives=[Alternative(*p, scores[p].nats) for p in near], x=x,
+            values=at @ mean, covariance=at @ covariance @ at.T, form=form, visited=(base.low, base.high),
             share=self._share(names, way, explained),
         )  # fmt: skip
 

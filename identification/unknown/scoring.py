@@ -135,11 +135,16 @@ def weigh(moments: Moments) -> Weighed:
     nats = float(np.logaddexp.reduce(np.array([t[0] for t in tried]))) - math.log(len(tried))
     _, size, number = max(tried)
     std = scale * size * SHRINK * (np.arange(len(b)) < number)
-    covariance = np.zeros_like(g)
-    d = std[:number]
-    covariance[:number, :number] = d[:, None] * np.linalg.inv(np.eye(number) + d[:, None] * g[:number, :number] * d) * d
-    mean = covariance @ b
+    mean, covariance = posterior(moments, std)
     return Weighed(nats, mean, covariance, std, math.sqrt(max(float(mean @ g @ mean), 0.0)))
+
+
+def posterior(moments: Moments, std: Floats) -> tuple[Floats, Floats]:
+    """Mean (C,) and covariance (C, C) of weights whose prior is normal about nothing; std (C,), 0: not there."""
+    d = np.asarray(std, float)
+    inner = np.linalg.inv(np.eye(len(d)) + d[:, None] * moments.information * d)
+    covariance = d[:, None] * inner * d
+    return np.asarray(covariance @ moments.score), covariance
 
 
 def held_out(units: Sequence[Moments], std: Floats) -> float:

@@ -7,8 +7,8 @@ from identification.report.findings import Findings
 
 TITLE = "What no cause explains"
 CAPTION = (
-    "What the channel is off by over what it depends on, with its band (2 sigma); dashed: the closed form. Up to a "
-    "constant, which cannot be told from a bias."
+    "What the channel is off by over what it depends on, with its band (2 sigma); dashed: the closed form, up to a "
+    "constant: what the channel is off by everywhere can hardly be told from a bias."
 )
 
 
@@ -28,7 +28,7 @@ def draw(findings: Findings) -> bytes | None:
         place.plot(x, value, lw=1.6, color=AFTER)
         form = forms.get((item.channel, driver))
         if form is not None:
-            place.plot(x, form(x), "--", lw=1.2, color=BEFORE, label=form.text)
+            place.plot(x, form(x) + np.mean(value - form(x)), "--", lw=1.2, color=BEFORE, label=form.text)
             place.legend(fontsize=7, frameon=False)
         place.set_title(f"{item.channel}, {item.nats:.0f} nats", loc="left", fontsize=10)
         place.set_xlabel(f"{driver.replace('_', ' ')} [{curve.x_unit}]")
