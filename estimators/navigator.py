@@ -335,15 +335,10 @@ class Navigator:
             return
         q = self._attitude.at(frame.t)
         seen = front_end.see(frame.image, q, self._expect(frame.t, q, camera))
-        self._overlays["down"] = () if seen is None else (np.vstack([seen.outline, seen.outline[:1]]),)
+        self._overlays["down"] = () if seen is None else (seen.overlay,)
         if seen is None:
             return
-        x, y, z = seen.position.tolist()
-        std_x, std_y, std_z = seen.std_position.tolist()
-        sample = PadSample(
-            frame.t, frame.t_arrival, x, y, z, seen.angle, std_x, std_y, std_z, seen.std_angle,
-            seen.quality, seen.source,
-        )  # fmt: skip
+        sample = seen.sample(frame)
         self._detections.append(sample)
         self._see(sample, np.ascontiguousarray(seen.covariance[:3, :3]))
         if seen.level is not None:

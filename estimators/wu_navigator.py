@@ -102,15 +102,10 @@ class WuNavigator:
         if self._front_end is None or not math.isfinite(state.heading):
             return None
         seen = self._front_end.see(frame.image, self._attitude_at(frame.t), None)
-        self._overlays["down"] = () if seen is None else (np.vstack([seen.outline, seen.outline[:1]]),)
+        self._overlays["down"] = () if seen is None else (seen.overlay,)
         if seen is None:
             return None
-        x, y, z = seen.position.tolist()
-        std_x, std_y, std_z = seen.std_position.tolist()
-        sample = PadSample(
-            frame.t, frame.t_arrival, x, y, z, seen.angle, std_x, std_y, std_z, seen.std_angle,
-            seen.quality, seen.source,
-        )  # fmt: skip
+        sample = seen.sample(frame)
         self._detections.append(sample)
         return sample
 

@@ -69,6 +69,17 @@ class Traced:
         return cls(mask, [np.asarray(contour, np.int32) for contour in contours], outer)
 
 
+def fill(contour: NDArray[np.int32], box: tuple[int, int, int, int]) -> tuple[Image, float, float]:
+    """A contour (N, 1, 2) filled within its box (x, y, width, height), its area and that of its hull [px^2]."""
+    x, y, w, h = box
+    filled = np.zeros((h, w), np.uint8)
+    cv2.drawContours(filled, [contour], -1, 255, cv2.FILLED, offset=(-x, -y))
+    hull = cv2.convexHull(contour)
+    # the hull runs through pixel centres: half a pixel more all around
+    hull_area = cv2.contourArea(hull) + 0.5 * cv2.arcLength(hull, True) + 1.0
+    return filled, float(cv2.countNonZero(filled)), float(hull_area)
+
+
 def candidates(
     traced: Traced,
     template: ShapeTemplate,
@@ -95,12 +106,7 @@ def candidates(
             continue
         if not area[0] * 0.5 <= cv2.contourArea(contour) <= area[1]:
             continue
-        filled = np.zeros((h, w), np.uint8)
-        cv2.drawContours(filled, [contour], -1, 255, cv2.FILLED, offset=(-x, -y))
-        pixels = float(cv2.countNonZero(filled))
-        hull = cv2.convexHull(contour)
-        # the hull runs through pixel centres: half a pixel more all around
-        hull_area = cv2.contourArea(hull) + 0.5 * cv2.arcLength(hull, True) + 1.0
+        filled, pixels, hull_area = fill(contour, (x, y, w, h))
         if not area[0] <= pixels <= area[1] or abs(pixels / hull_area - template.solidity) > solidity_margin:
             continue
         sides = sorted(cv2.minAreaRect(contour)[1])

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.vision.contours import ShapeTemplate
+from estimators.vision.contours import ShapeTemplate, fill
 from estimators.vision.moments import affine_invariants, central_moments, mismatch
 
 Floats = NDArray[np.float64]
@@ -110,12 +110,7 @@ def match(
         x, y, w, h = cv2.boundingRect(contour)
         if x < TOUCHES or y < TOUCHES or x + w > width - TOUCHES or y + h > height - TOUCHES:
             continue
-        filled = np.zeros((h, w), np.uint8)
-        cv2.drawContours(filled, [contour], -1, 255, cv2.FILLED, offset=(-x, -y))
-        pixels = float(cv2.countNonZero(filled))
-        hull = cv2.convexHull(contour)
-        # the hull runs through pixel centres: half a pixel more all around
-        hull_area = cv2.contourArea(hull) + 0.5 * cv2.arcLength(hull, True) + 1.0
+        filled, pixels, hull_area = fill(contour, (x, y, w, h))
         sides = sorted(cv2.minAreaRect(contour)[1])
         if (
             not area[0] <= pixels <= area[1]

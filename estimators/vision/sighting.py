@@ -6,6 +6,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from flightlog.signals import Frame, PadSample
+
 Floats = NDArray[np.float64]
 
 
@@ -58,3 +60,17 @@ class PadSighting:
     residual: float  # [px] RMS of the edge points used
     contrast: float  # [grey levels] mark minus surroundings across its edges; negative for a dark mark
     level: SeenLevel | None = None  # where the mark is large enough in the picture to show its tilt
+
+    def sample(self, frame: Frame) -> PadSample:
+        """The sighting as the sample that a sensor of the mark would give for this picture."""
+        x, y, z = self.position.tolist()
+        std_x, std_y, std_z = self.std_position.tolist()
+        return PadSample(
+            frame.t, frame.t_arrival, x, y, z, self.angle, std_x, std_y, std_z, self.std_angle, self.quality,
+            self.source,
+        )  # fmt: skip
+
+    @property
+    def overlay(self) -> Floats:
+        """(N + 1, 2) [px] the outline, closed."""
+        return np.vstack([self.outline, self.outline[:1]])

@@ -1,6 +1,8 @@
 """Whether two heights run by one clock, in one direction and unit: by their climb rates."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -35,40 +37,38 @@ class Late:
 
 def check(name: str, heights: Heights) -> None:
     """Raise UserError where two heights are plainly of one flight but one is upside down, or in feet."""
-    levels = list(heights.levels.values())
-    for i, a in enumerate(levels):
-        for b in levels[i + 1 :]:
-            found = _rates(a, b)
-            if found is None:
-                continue
-            lags, every = _correlation(*found)
-            near = every[np.abs(lags) <= USUAL]
-            if -float(near.min()) > max(ALIKE, float(every.max())):
+    for a, b, one, other in _pairs(heights):
+        lags, every = _correlation(one, other)
+        near = every[np.abs(lags) <= USUAL]
+        if -float(near.min()) > max(ALIKE, float(every.max())):
+            raise UserError(
+                f"{name}: {a.name} falls when {b.name} rises; both should be heights, up positive: one is likely a "
+                "depth (NED), set its frame or a scale of -1 in a mapping"
+            )
+        slope = float(np.std(one) / np.std(other))
+        for factor, wrong, right in ((1.0 / FOOT, a, b), (FOOT, b, a)):
+            if float(near.max()) > 0.9 and abs(slope / factor - 1.0) < WITHIN:
                 raise UserError(
-                    f"{name}: {a.name} falls when {b.name} rises; both should be heights, up positive: one is likely a "
-                    "depth (NED), set its frame or a scale of -1 in a mapping"
+                    f"{name}: {wrong.name} moves {1.0 / FOOT:.2f} times as far as {right.name}; heights are wanted "
+                    'in m: it is likely in ft, declare unit = "ft" in a mapping'
                 )
-            slope = float(np.std(found[0]) / np.std(found[1]))
-            for factor, wrong, right in ((1.0 / FOOT, a, b), (FOOT, b, a)):
-                if float(near.max()) > 0.9 and abs(slope / factor - 1.0) < WITHIN:
-                    raise UserError(
-                        f"{name}: {wrong.name} moves {1.0 / FOOT:.2f} times as far as {right.name}; heights are wanted "
-                        'in m: it is likely in ft, declare unit = "ft" in a mapping'
-                    )
 
 
 def strangers(heights: Heights) -> tuple[str, str] | None:
     """Two heights that do not move together at all although both move: no one flight's; None where there are none."""
-    levels = list(heights.levels.values())
-    for i, a in enumerate(levels):
-        for b in levels[i + 1 :]:
-            found = _rates(a, b)
-            if found is None:
-                continue
-            lags, every = _correlation(*found)
-            if float(every[np.abs(lags) <= USUAL].max()) < STRANGE:
-                return a.name, b.name
+    for a, b, one, other in _pairs(heights):
+        lags, every = _correlation(one, other)
+        if float(every[np.abs(lags) <= USUAL].max()) < STRANGE:
+            return a.name, b.name
     return None
+
+
+def _pairs(heights: Heights) -> Iterator[tuple[Series, Series, Floats, Floats]]:
+    """Every two heights whose climb rates can be compared, and those."""
+    for a, b in combinations(heights.levels.values(), 2):
+        found = _rates(a, b)
+        if found is not None:
+            yield a, b, *found
 
 
 def offset(heights: Heights) -> tuple[Late | None, Heights]:
