@@ -209,6 +209,7 @@ def judge(jobs: Sequence[Job], results: Path, workers: int) -> None:
     from joblib import Parallel, delayed, parallel_config
 
     missing = [job for job in jobs if not _place(job, results).is_file()]
+    missing.sort(key=lambda job: _place(job, results).stem[-6:])  # a run that is stopped has seen something of all
     with campaign_progress("blind sets") as progress:
         progress(len(jobs) - len(missing), len(jobs))
         with parallel_config("loky", inner_max_num_threads=1):
