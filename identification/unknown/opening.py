@@ -4,10 +4,12 @@ from collections.abc import Mapping
 
 from identification.helicopter import HelicopterBench
 from identification.multirotor.bench import MultirotorBench
+from identification.rig import RigBench
 from identification.unknown.bank import Bank
 from identification.unknown.helicopter import HelicopterBank
 from identification.unknown.multirotor import MultirotorBank
 from identification.unknown.null import HELICOPTER
+from identification.unknown.rig import RigBank
 
 
 def open_bank(bench: object) -> Bank | None:
@@ -16,6 +18,8 @@ def open_bank(bench: object) -> Bank | None:
         return HelicopterBank(bench)
     if isinstance(bench, MultirotorBench):
         return MultirotorBank(bench)
+    if isinstance(bench, RigBench):
+        return RigBank(bench)
     made: Bank | None = getattr(bench, "bank", lambda: None)()
     return made
 
