@@ -134,7 +134,8 @@ class MultirotorBench:
         well the balance repeats is taken from their scatter.
         """
         keys = [key for keys in REPEATED.values() for key in keys]
-        keys += [key for key in (*ALSO, *quick.KEYS) if self.tolerances.get(key, 0.0) > 0.0]
+        moves = [key for key in (*ALSO, *quick.KEYS) if self.tolerances.get(key, 0.0) > 0.0]
+        keys += moves
         wide = {key: max(self.tolerances.get(key, 0.0), WIDE * self.spreads.get(key, 0.0)) for key in keys}
         wide = {key: std if std > 0.0 else self._repeated(key) / SURE for key, std in wide.items()}
         at = {key: self.nominal.get(key, self.vehicle.numbers[key].value) for key in keys}
@@ -159,6 +160,9 @@ class MultirotorBench:
         values = fitted | known | there
         spread = spread[: len(keys), : len(keys)]
         spread += np.diag([self._repeated(key) ** 2 for key in keys])  # the next session is another one
+        for key in moves:  # gusts bend what shows in the motion alone: it is never surer than by a half
+            i = keys.index(key)
+            spread[i, i] = max(spread[i, i], (0.5 * self.tolerances[key]) ** 2)
         covariance = np.zeros((len(values), len(values)))
         covariance[: len(keys), : len(keys)] = spread
         return list(values), list(values.values()), covariance

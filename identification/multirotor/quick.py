@@ -38,9 +38,9 @@ STALE = 0.003  # [s] from where slopes were taken, beyond which they are taken a
 NUDGE = 0.005  # [s] for a derivative
 SLOW = 10  # steps that are averaged to compare gusts with commands
 # [s] by which lag and delay are open on a flight: at least, and times a power of the share of gusts over commands
-OPEN = {TAU: (0.004, 0.5), DELAY: (0.0015, 0.3)}
+OPEN = {TAU: (0.01, 0.5), DELAY: (0.003, 0.3)}
 POWER = 1.5
-QUIET = 0.15  # of that share, up to which a flight is judged
+QUIET = 0.07  # of that share, up to which a flight is judged
 STAMPED = 0.3  # of a step between logged commands, by which their stamps are uncertain: when in it they were sent
 
 
