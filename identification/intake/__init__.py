@@ -56,7 +56,7 @@ def _sound(name: str, tables: Mapping[str, Table], vehicle: AnyVehicle | None, n
         if lacking:
             wanted = ", ".join(REACH[topic])
             raise UserError(f"{name}: {topic} lacks {', '.join(lacking)}: a {kind} needs {wanted} of it")
-        found, said = cleaned(table)
+        found, said = cleaned(table, each=vehicle is not None)
         if found is None and topic in needed:
             raise UserError(f"{name}: {'; '.join(said)}; a {kind} cannot be judged without it")
         notes += [f"{name}: {line}" for line in said]

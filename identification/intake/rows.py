@@ -32,13 +32,21 @@ STILL: Mapping[str, float] = {"imu": 1.0, "pad": 2.0} | dict.fromkeys(("mag", "b
 RESTING = ("throttle",)  # may stand still in all of them
 # missing where they stand still
 BESIDE: Mapping[str, tuple[str, ...]] = {"gps": ("ve", "vn", "vu"), "pad": ("angle",)}
+STRAY, TIMES, FAR = 0.1, 10.0, 600.0  # share of rows that may be astray in time; by so often their span and [s]
 FEWEST = 10  # rows in which something stands still
 
 
-def cleaned(table: Table) -> tuple[Table | None, list[str]]:
-    """A topic's rows that can be used, None where none is left, and what must be said of the others."""
+def cleaned(table: Table, each: bool = True) -> tuple[Table | None, list[str]]:
+    """A topic's rows that can be used, None where none is left, and what must be said of the others.
+
+    each: rows are of no use either where only one of the needed columns stands still.
+    """
     base = table.name.split("_")[0]
     notes: list[str] = []
+    astray = _astray(np.asarray(table["t"], float))
+    if astray.any():
+        notes.append(f"{table.name}: {np.count_nonzero(astray)} row(s) far from all others in time; left out")
+        table = _of(table, ~astray)
     t = np.asarray(table["t"], float)
     fresh = np.concatenate([[True], np.diff(t) > 0.0]) if len(t) else np.zeros(0, bool)
     if not fresh.all():
@@ -50,7 +58,7 @@ def cleaned(table: Table) -> tuple[Table | None, list[str]]:
     if not needed:
         return table, notes
     good: Flags = np.asarray(np.isfinite(table.stack(*needed)).all(axis=1))
-    still = good & _still(table, base, needed, good)
+    still = good & _still(table, base, needed, good, each)
     if still.any():
         notes.append(
             f"{table.name}: stands still in {np.count_nonzero(still)} of {len(table)} rows, which are left out: "
@@ -61,6 +69,15 @@ def cleaned(table: Table) -> tuple[Table | None, list[str]]:
         notes.append(f"{table.name}: nothing in it that can be used; left out")
         return None, notes
     return (table if good.all() else _of(table, good)), notes
+
+
+def _astray(t: Floats) -> Flags:
+    """(N,) rows whose time was read wrong: farther from the bulk than many times its length."""
+    if len(t) < FEWEST:
+        return np.zeros(len(t), bool)
+    first, last = np.quantile(t, [STRAY, 1.0 - STRAY])
+    reach = TIMES * (last - first) + FAR
+    return np.asarray((t < first - reach) | (t > last + reach))
 
 
 def _bounded(table: Table, reach: Mapping[str, float], notes: list[str]) -> Table:
@@ -97,14 +114,15 @@ def _without(table: Table, name: str, bad: Flags) -> Table:
     return Table(table.name, arrow.set_column(arrow.schema.get_field_index(name), field, pa.array(values)), table.topic)
 
 
-def _still(table: Table, base: str, columns: Sequence[str], good: Flags) -> Flags:
-    """(N,) rows in which one of the columns is in a run of one and the same."""
+def _still(table: Table, base: str, columns: Sequence[str], good: Flags, each: bool) -> Flags:
+    """(N,) rows in which one of the columns, or all of them, are in a run of one and the same."""
     t = np.asarray(table["t"], float)
-    found = np.zeros(len(t), bool)
     at = np.flatnonzero(good)
-    for column in columns:
-        if column not in RESTING:
-            found[at] |= _runs(t[at], np.asarray(table[column], float)[at], STILL.get(base, np.inf))
+    least = STILL.get(base, np.inf)
+    runs = [_runs(t[at], np.asarray(table[c], float)[at], least) for c in columns if c not in RESTING]
+    found = np.zeros(len(t), bool)
+    if runs:
+        found[at] = np.any(runs, axis=0) if each else np.all(runs, axis=0)
     return found
 
 

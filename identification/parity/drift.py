@@ -119,6 +119,8 @@ def pose(heights: Heights) -> Problem | None:
     if (ground := _ground(heights, t)) is not None:
         value, std = ground
         columns.append(("ground", value, {0: 1.0}, std))
+    if len(columns) < 2:
+        return None
     rows = np.zeros((len(t), len(columns), len(states)))
     for m, (_, _, row, _) in enumerate(columns):
         for s, by in row.items():
