@@ -36,8 +36,8 @@ TERMS: Mapping[str, tuple[Parameter, ...]] = {
         Parameter("delay", "s", 0.0, 1.0, "pure delay of the commands", 0.0),
     ),
     "drag": (
-        Parameter("area", "m^2", -1.0, 10.0, "equivalent flat plate", 0.0),
-        Parameter("linear", "N s/m", -10.0, 100.0, "per speed, as the drag of rotors is", 0.0),
+        Parameter("area", "m^2", 0.0, 10.0, "equivalent flat plate", 0.0),
+        Parameter("linear", "N s/m", 0.0, 100.0, "per speed, as the drag of rotors is", 0.0),
     ),
     "cg_offset": (
         Parameter("x", "m", -1.0, 1.0, "centre of mass forward of the body's origin", 0.0),
