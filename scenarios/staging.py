@@ -29,7 +29,7 @@ def make_world(scenario: Scenario, seeds: np.random.SeedSequence, vehicle: Vehic
     tables = {topic: getattr(scenario.sensors, topic) for topic in SENSOR_TABLES}
     return World(
         vehicle,
-        weather=_weather(scenario, vehicle),
+        weather=expected_weather(scenario, vehicle),
         light=scenario.light.light(),
         scene=scenario.scene,
         dip=scenario.horizon_dip,
@@ -49,7 +49,7 @@ def make_equipment(scenario: Scenario, aboard: Vehicle, world: World) -> Equipme
     return replace(aboard.equipment(PADS[scenario.pad], site), horizon_dips=scenario.horizon_dip)
 
 
-def _weather(scenario: Scenario, vehicle: Vehicle) -> Weather:
+def expected_weather(scenario: Scenario, vehicle: Vehicle) -> Weather:
     """The scenario's; where it says nothing of the wind and the vehicle file knows one, that."""
     weather, said = scenario.weather.weather(), scenario.weather.model_fields_set
     east, north, shear = vehicle.wind

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from identification.causes.contract import Cause, Change, Parameter
 from identification.flight import Flight
-from identification.views import TOPICS, inertial_late, late
+from identification.views import TOPICS, late, others_early
 from sim.vehicle import Vehicle
 
 # stream: where its clock stands in the vehicle file, and the usual size of an offset [s]
@@ -27,7 +27,7 @@ TOLERANCES = {"gps": "sensors.gps.latency", "pad": "cameras.down.latency"}
 def _changes(topic: str) -> Callable[[Flight, Vehicle], list[Change]]:
     def changes(flight: Flight, vehicle: Vehicle) -> list[Change]:
         """What was so long ago."""
-        return [Change(late(flight, vehicle, topic)) if topic in TOPICS else inertial_late(flight)]
+        return [Change(late(flight, vehicle, topic)) if topic in TOPICS else others_early(flight, vehicle)]
 
     return changes
 

@@ -14,7 +14,7 @@ from flightlog.constants import GRAVITY
 from sim.parameters import Parameter
 from sim.terms.contract import Stage, Term, kernel
 
-FIGURE_OF_MERIT = 0.6
+FIGURE_OF_MERIT = 0.4
 SEA_LEVEL = 1.225  # [kg/m^3]
 
 

@@ -7,17 +7,23 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flightlog.constants import GRAVITY
 from flightlog.marks import HMark
 from flightlog.rotations import matrix, quaternion
 from flightlog.tables import Table, table
 from identification.causes import CATALOGUE, TOLD
 from identification.corrections import corrected
 from scenarios.logbook import TOPICS
+from scenarios.schema import Scenario, WeatherTable
+from scenarios.staging import expected_weather
 from sim import vehicle as vehicles
+from sim.linearisation import trim
+from sim.pipeline import Pipeline
 from sim.sensors import CATALOGUE as SENSORS
 from sim.sensors.contract import Truth
 from sim.sensors.faults import stamped
 from sim.sensors.pad_camera import PadCamera, by_lens
+from sim.terms import CATALOGUE as TERMS
 from sim.vehicle import Vehicle
 from sim.weather import Weather
 from sim.wind import Wind
@@ -148,3 +154,30 @@ def test_every_name_of_the_contract_is_there_and_tells_its_topic() -> None:
     assert set(TOLD) >= CONTRACT
     clocks = {cause.topic for cause in CATALOGUE.values() if cause.title == "clock_offset"}
     assert clocks == {"imu", "gps", "baro", "mag", "sonar", "pad"}
+
+
+def test_a_rotor_that_droops_needs_the_throttle_that_its_load_takes() -> None:
+    """Planted once: the tail rotor's torque left out."""
+    sound = trim(Pipeline(RAPTOR.terms, RAPTOR.parameters, RAPTOR.geometry), RAPTOR.inertia)
+    hover = float(RAPTOR.geometry["mass"]) * GRAVITY
+    inflow = np.sqrt(hover / (2.0 * 1.225 * np.pi * float(RAPTOR.geometry["rotor_radius"]) ** 2))
+    load = float(sound.signals["rotor_torque"] + sound.signals["tail_torque"])
+    load /= hover * inflow / (0.4 * float(RAPTOR.geometry["nominal_speed"]))
+    assert 0.7 < load < 1.3  # a figure of merit of 0.4 is about right
+    for droop in (0.05, 0.15):
+        terms = (*RAPTOR.terms, TERMS["rotor_droop"])
+        numbers = {**RAPTOR.parameters, "rotor_droop": {"droop": droop}}
+        odd = trim(Pipeline(terms, numbers, RAPTOR.geometry), RAPTOR.inertia)
+        assert odd.controls.throttle == pytest.approx(sound.controls.throttle / (1.0 - droop * load), rel=1e-4)
+
+
+def test_a_known_wind_blows_where_the_scenario_says_nothing() -> None:
+    document = copy.deepcopy(dict(RAPTOR.document))
+    for name, value, unit in (("wind_e", 3.0, "m/s"), ("wind_n", -4.0, "m/s"), ("wind_shear", 0.5, "1")):
+        document["environment"][name] = {"value": value, "unit": unit}
+    windy = vehicles.from_document(document, RAPTOR.path)
+    air = expected_weather(Scenario(vehicle="raptor90"), windy)
+    assert Wind(air, np.random.default_rng(0)).mean(10.0) == pytest.approx([3.0, -4.0, 0.0])
+    assert air.shear == 0.5
+    told = Scenario(vehicle="raptor90", weather=WeatherTable(wind_m_s=1.0))
+    assert expected_weather(told, windy).wind == 1.0
