@@ -32,6 +32,8 @@ RATE_STEP = 0.01  # [rad/s]
 WINDS = ("wind.e", "wind.n")
 # what the cause `wind` has in common for all flights, and the flight's own that shows alike
 SHARED = {"environment.wind_e": "wind.e", "environment.wind_n": "wind.n", "environment.wind_shear": "local.shear"}
+# where the inertial sensor's clock is ahead, commands act that much later by it
+IMU_CLOCK, COMMANDS = "sensors.imu.clock", ("terms.servo.delay", "terms.servo.throttle_delay")
 SHEAR, SHEAR_STEP = "environment.wind_shear", 0.3
 # of a flight's own shear: grass of 1 cm to scrub of 30 cm of roughness changes the profile below 10 m by so much
 SHEAR_STD = 0.3
@@ -220,6 +222,8 @@ class Sheet:
             column = np.concatenate([self._above.get(key, empty), below[:, c]])
             column[~self._late] = 0.0
             found[key] = column
+        if IMU_CLOCK in found:
+            found[IMU_CLOCK] = found[IMU_CLOCK] + sum(found[key] for key in COMMANDS if key in found)
         return found | {key: found[own] for key, own in SHARED.items() if own in found}
 
     def residual(self, knobs: Mapping[str, float]) -> Floats:
