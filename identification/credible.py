@@ -30,7 +30,10 @@ def _shaken(search: Search, best: Names) -> str | None:
         return None
     # play is not in the model along which noise is fitted
     share = PLAY if "actuator_deadband" in best else 1.0
-    for axis, found, usual in zip("xyz", bench.noise.process[3:6], SHAKEN, strict=True):
+    rows = left_over(bench, search.fit(best))
+    for i, (axis, usual) in enumerate(zip("xyz", SHAKEN, strict=True)):
+        left = np.concatenate([part[(item.channel == DRIVEN + 3 + i) & (item.residual != 0.0)] for item, part in rows])
+        found = float(np.sqrt(np.mean(left**2))) * bench.noise.process[3 + i] if len(left) else 0.0
         most = share * usual
         if found > most:
             return (

@@ -1,13 +1,16 @@
 """What a flight's sensors may be off by without anything being wrong, beside what the filter's own states hold."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification import kinematics as k
 from identification.causes import CATALOGUE, Change
 from identification.flight import Flight
 from identification.model import tolerance_of
-from identification.views import field_seen, scalars
+from identification.views import field_seen, rotations, scalars
 from sim.vehicle import Vehicle
+
+Floats = NDArray[np.float64]
 
 FORCE_FLOOR = 0.02  # [m/s^2] of offset that geometry and model leave open on any flight
 
@@ -66,8 +69,19 @@ def _places(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]
     if (flight.motion.kinds == k.SONAR).any():
         spread = float(tolerance_of(vehicle.document, "sensors.sonar.position", "m"))
         found.append(("local.sonar.position", Change(scalars(flight, (k.SONAR, 1.0))), spread))
+        beam = float(tolerance_of(vehicle.document, "sensors.sonar.beam_half_angle", "rad"))
+        found.append(("local.sonar.beam", Change(scalars(flight, (k.SONAR, _beamed(flight, vehicle)))), beam))
     if (flight.motion.kinds == k.PAD).any():
         spread = float(tolerance_of(vehicle.document, "cameras.down.position", "m"))
         for axis in range(3):
             found.append((f"local.down.position_{axis}", Change(scalars(flight, (k.PAD + axis, 1.0))), spread))
     return found
+
+
+def _beamed(flight: Flight, vehicle: Vehicle) -> Floats:
+    """(N,) [m/rad] what a wider beam takes off the range h/cos(tilt - beam) of a ranger tilted beyond it."""
+    motion = flight.motion
+    upright = rotations(flight)[:, 2, 2]
+    beam = vehicle.sensors["sonar"].numbers["beam_half_angle"]
+    beyond = np.maximum(np.arccos(np.clip(upright, -1.0, 1.0)) - beam, 0.0)
+    return np.asarray(-motion.position[:, 2] * np.sin(beyond) / np.cos(beyond) ** 2)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from identification.dynamics import innovations
 from identification.flight import Flight
+from identification.gusts import Gusts
 from identification.model import Model
 from identification.whitening import drive_signatures
 
@@ -20,14 +21,9 @@ PUFF = 0.5  # [m/s] for the derivative by the wind
 class Noise:
     """What the model leaves open, along all flights."""
 
-    gust_std: tuple[float, float, float] = (0.3, 0.3, 0.3)  # [m/s] east, north, up
-    gust_tau: float = 3.0  # [s]
+    gust_share: tuple[float, float, float] = (1.0, 1.0, 1.0)  # of what belongs to the mean wind: east, north, up
     process: tuple[float, ...] = (0.0, 0.0, 0.0, 0.02, 0.02, 0.02, 0.3)  # of rates and rotor speed, a node
     noise: tuple[float, ...] = (0.1, 0.1, 0.15, 0.005, 0.005, 0.005, 0.3)  # of force, rate, rotor speed
-
-    def keep(self, step: float) -> float:
-        """Factor of a gust a node."""
-        return float(np.exp(-step / self.gust_tau))
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,19 +33,19 @@ class Driven:
     flight: Flight
     wind: Floats  # (3,) [m/s] mean
     answer: Floats  # (N, 7)
-    gust: Floats  # (N, 7, 3)
+    gust: Gusts
     gains: Floats  # (N, 7, 7)
     spreads: Floats  # (N, 7)
     residual: Floats  # (N, 7) innovations over their standard deviation
     cost: float  # twice the negative log-likelihood
 
-    def whiten(self, model: Floats, noise: Noise, measured: Floats | None = None) -> Floats:
+    def whiten(self, model: Floats, measured: Floats | None = None) -> Floats:
         """Whitened change (N, 7, C) of the innovations if the model's answer changes by `model` (N, 7, C)."""
         measured = np.zeros_like(model) if measured is None else measured
         step = self.flight.motion.step
         return np.asarray(
             drive_signatures(
-                self.gust, self.gains, self.spreads, step, noise.keep(step), np.ascontiguousarray(model),
+                self.gust.slopes, self.gains, self.spreads, step, self.gust.keep, np.ascontiguousarray(model),
                 np.ascontiguousarray(measured),
             )
         )  # fmt: skip
@@ -62,13 +58,13 @@ def gust_slopes(model: Model, flight: Flight, wind: Floats, changes: Mapping[str
     return np.stack([(runs[i] - runs[3 + i]) / (2.0 * PUFF) for i in range(3)], axis=-1)
 
 
-def judge(flight: Flight, wind: Floats, answer: Floats, gust: Floats, noise: Noise) -> Driven:
+def judge(flight: Flight, wind: Floats, answer: Floats, gust: Gusts, noise: Noise) -> Driven:
     """Innovations of an answer (N, 7)."""
     nodes = len(answer)
     gains, spreads, out = np.zeros((nodes, 7, 7)), np.zeros((nodes, 7)), np.zeros((nodes, 7))
     step = flight.motion.step
     cost = innovations(
-        answer, flight.measured, gust, step, noise.keep(step), np.array(noise.gust_std), np.array(noise.process),
+        answer, flight.measured, gust.slopes, step, gust.keep, gust.std * noise.gust_share, np.array(noise.process),
         np.array(noise.noise), gains, spreads, out,
     )  # fmt: skip
     return Driven(flight, wind, answer, gust, gains, spreads, out / spreads, float(cost))

@@ -15,6 +15,8 @@ from sim.terms.contract import GEOMETRY, KERNEL, SIGNALS
 
 Floats = NDArray[np.float64]
 
+RESTART = -1.0  # for a spread: a reading that says where the count of rate or rotor speed begins
+
 CHANNELS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z", "rotor.speed")
 UNITS = ("m/s^2", "m/s^2", "m/s^2", "rad/s^2", "rad/s^2", "rad/s^2", "rad/s")
 
@@ -113,14 +115,17 @@ def innovations(model, measured, gust, step, keep, gust_std, process, noise, gai
 
         model (N, 7): see `along`. measured (N, 7): mean force, rate and rotor speed of the node; NaN: none.
         gust (N, 7, 3): change of the model's answer by a gust [1/s or 1/(m s)], world axes.
-        step [s], keep: factor of the gust a node. gust_std (3,) [m/s]. process (7,), noise (7,): standard deviations
-            of what the model leaves open (of rates and rotor speed a node) and of the measurement.
-        gains (N, 7, 7), spreads (N, 7), out (N, 7): written; out: innovations in units of the measurement.
+        step [s]; keep (N, 3): factor of the gust a node. gust_std (N, 3) [m/s]. process (7,), noise (7,): standard
+            deviations of what the model leaves open (of rates and rotor speed a node) and of the measurement.
+        gains (N, 7, 7), spreads (N, 7), out (N, 7): written; out: innovations in units of the measurement. A spread
+            of inf: nothing measured; of RESTART: a reading from which the count begins.
+
+    Where no force is measured (on the ground), rates and rotor speed are followed anew from the next reading on.
     """
     x = np.zeros(7)
     cov = np.zeros((7, 7))
     for i in range(3):
-        cov[i, i] = gust_std[i] ** 2
+        cov[i, i] = gust_std[0, i] ** 2
         cov[3 + i, 3 + i] = 1.0
     cov[6, 6] = 100.0
     begun = np.zeros(4)
@@ -128,17 +133,19 @@ def innovations(model, measured, gust, step, keep, gust_std, process, noise, gai
     row = np.empty(7)
     total = 0.0
     for n in range(len(model)):
+        if not np.isfinite(measured[n, 0]):
+            begun[:] = 0.0
         for i in range(3):
-            f[i, i] = keep
+            f[i, i] = keep[n, i]
         for i in range(4):
             for j in range(3):
-                f[3 + i, j] = step * gust[n, 3 + i, j] * keep
+                f[3 + i, j] = step * gust[n, 3 + i, j] * keep[n, j]
         x = f @ x
         for i in range(4):
             x[3 + i] += step * model[n, 3 + i]
         cov = f @ cov @ f.T
         for i in range(3):
-            q = (1.0 - keep * keep) * gust_std[i] ** 2
+            q = (1.0 - keep[n, i] ** 2) * gust_std[n, i] ** 2
             cov[i, i] += q
             for a in range(4):
                 turn = step * gust[n, 3 + a, i]
@@ -161,6 +168,7 @@ def innovations(model, measured, gust, step, keep, gust_std, process, noise, gai
                 cov[k, :] = 0.0
                 cov[:, k] = 0.0
                 cov[k, k] = noise[k] ** 2
+                spreads[n, k] = RESTART
                 continue
             row[:] = 0.0
             if k < 3:

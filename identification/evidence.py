@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
 from identification import kinematics as k
 from identification.causes import CATALOGUE, Cause, Change
@@ -12,8 +13,10 @@ from identification.declared import declared, offsets
 from identification.drive import Driven, Noise, gust_slopes, judge
 from identification.flight import SETTLED, Flight
 from identification.grid import sheared, turned
+from identification.gusts import usual
 from identification.model import Model, tolerance_of
 from identification.noise_fit import Settled
+from identification.signatures import Signatures
 from identification.stack import Rows
 from identification.whitening import sensor_signatures
 from sim.vehicle import Vehicle
@@ -28,10 +31,14 @@ QUICK = (
     "terms.rotor_droop",
 )  # fmt: skip
 WIND_STEP = 0.5  # [m/s]
+WIND_CLOSE, WIND_ROUNDS = 0.15, 5  # [m/s] within which a flight's wind is where it belongs; tries to get there
+WIND_REACH = 3.0  # [m/s] that one of them may go
+SPEEDS, DIRECTIONS = (2.5, 5.0, 7.5, 10.0), 12  # of winds that are looked at first
 RATE_STEP = 0.01  # [rad/s]
 WINDS = ("wind.e", "wind.n")
 # what the cause `wind` has in common for all flights, and the flight's own that shows alike
 SHARED = {"environment.wind_e": "wind.e", "environment.wind_n": "wind.n", "environment.wind_shear": "local.shear"}
+WINDY = tuple(SHARED)[:2]
 # where the inertial sensor's clock is ahead, commands act that much later by it
 IMU_CLOCK, COMMANDS = "sensors.imu.clock", ("terms.servo.delay", "terms.servo.throttle_delay")
 SHEAR, SHEAR_STEP = "environment.wind_shear", 0.3
@@ -48,9 +55,13 @@ def testable(vehicle: Vehicle, topics: set[str]) -> tuple[list[Cause], dict[str,
 
 
 def knob_slopes(
-    model: Model, flight: Flight, wind: Floats, keys: Sequence[str], at: Mapping[str, float] | None = None
-) -> dict[str, Floats]:
-    """Derivative (N, 7) of the answer by every one of these numbers, one-sided, about the nominal or changed model."""
+    model: Model, flight: Flight, wind: Floats, keys: Sequence[str], at: Mapping[str, float] | None = None,
+    rough: bool = False,
+) -> dict[str, Floats]:  # fmt: skip
+    """Derivative (N, 7) of the answer by every one of these numbers, one-sided, about the nominal or changed model.
+
+    rough: all of them in long steps, also of what shows in a tenth of a second.
+    """
     at = dict(at or {})
     still = np.zeros(3)
     steps = {}
@@ -60,7 +71,7 @@ def knob_slopes(
     moved = {key: at | {key: at.get(key, model.knobs[key].nominal) + step} for key, step in steps.items()}
     slopes: dict[str, Floats] = {}
     for coarse in (False, True):
-        chosen = [key for key in keys if key.startswith(QUICK) is not coarse]
+        chosen = [key for key in keys if (rough or not key.startswith(QUICK)) is coarse]
         if not chosen:
             continue
         runs = [(wind, at, still), *((wind, moved[key], still) for key in chosen)]
@@ -158,45 +169,63 @@ class Sheet:
         self._same = {key: key.removeprefix("local.") for key in self._rates if key.removeprefix("local.") in changes}
         self._rates = {key: rate for key, rate in self._rates.items() if self._same.get(key, key) == key}
 
-    def linearise(self, at: Mapping[str, float] | None = None) -> None:
+    def linearise(self, at: Mapping[str, float] | None = None, rough: bool = False) -> None:
         """Take all slopes anew about some knobs' values (the nominal ones where not given) and the present wind."""
         self.at = {key: (at or {}).get(key, self.model.knobs[key].nominal) for key in self.keys}
-        self.slopes = knob_slopes(self.model, self.flight, self.wind, self.keys, self.at)
+        self.slopes = knob_slopes(self.model, self.flight, self.wind, self.keys, self.at, rough)
         self.slopes[SHEAR] = self.slopes["local.shear"] = shear_slope(self.model, self.flight, self.wind, self.at)
         self.by_wind = wind_slopes(self.model, self.flight, self.wind, self.at)
         found = rate_slopes(self.model, self.flight, self.wind, self._rates, self.at)
         self.by_rate = found | {key: found[of] for key, of in self._same.items()}
-        self.gust = gust_slopes(self.model, self.flight, self.wind, self.at)
+        self.gust = usual(self.flight, self.wind, gust_slopes(self.model, self.flight, self.wind, self.at))
+
+    def look_for_wind(self, noise: Noise) -> None:
+        """Take the wind, among many, under which the nominal model is likeliest; nothing else is known yet."""
+        flight, still = self.flight, np.zeros(3)
+        usual_wind = np.array([*self.model.vehicle.wind[:2], 0.0])
+        turns = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+        winds = [still, *(size * np.array([np.cos(a), np.sin(a), 0.0]) for size in SPEEDS for a in turns)]
+        slopes = gust_slopes(self.model, flight, usual_wind)
+        answers = self.model.answers(flight.drive, [(usual_wind + w, {}, still) for w in winds])
+        costs = [
+            judge(flight, usual_wind + w, answer, usual(flight, usual_wind + w, slopes), noise).cost
+            + float(w @ w) / self.spread**2
+            for w, answer in zip(winds, answers, strict=True)
+        ]
+        self.wind = usual_wind + winds[int(np.argmin(costs))]
 
     def whiten(self, noise: Noise) -> None:
         """Whiten everything under these noise levels."""
         self.noise = noise
         self._driven = self.driven(self.at)
         self.columns = self._columns(self.slopes | self.by_wind, self._measured)
+        self._lay()
 
-    def driven(self, changes: Mapping[str, float]) -> Driven:
-        """The model's answer with some knobs changed, and its innovations."""
-        answer = self.model.answer(self.flight.drive, self.wind, changes)
-        return judge(self.flight, self.wind, answer, self.gust, self.noise)
+    def driven(self, changes: Mapping[str, float], wind: Floats | None = None) -> Driven:
+        """The model's answer with some knobs changed (and another wind), and its innovations."""
+        wind = self.wind if wind is None else wind
+        answer = self.model.answer(self.flight.drive, wind, changes)
+        return judge(self.flight, wind, answer, self.gust, self.noise)
 
-    def settled(self, values: Mapping[str, float], local: Floats) -> Settled:
-        """The flight with the answer as changes from the expansion point (by key) and locals (L,) make it."""
-        answer = self.model.answer(self.flight.drive, self.wind, self.at)
-        seen = np.zeros_like(answer)
-        for key, value in (*values.items(), *zip(self.local_keys, local[2:].tolist(), strict=True)):
+    def settled(
+        self, knobs: Mapping[str, float], seen: Mapping[str, float], local: Floats, wind: Floats | None = None
+    ) -> Settled:
+        """The flight's answer with some knobs at other values, what its sensors add (`seen`, `local` (L,)) put in."""
+        wind = self.wind if wind is None else wind
+        answer = self.model.answer(self.flight.drive, wind, knobs)
+        added = np.zeros_like(answer)
+        own = {key: size for key, size in seen.items() if key not in WINDY}
+        for key, value in (*own.items(), *zip(self.local_keys, local[2:].tolist(), strict=True)):
             if key in self.slopes:
                 answer += self.slopes[key] * value
             if key in self.by_rate:
                 answer += self.by_rate[key] * value
             if key in self._measured:
-                seen += self._measured[key] * value
-        usual = self.model.vehicle.wind
-        for i, (name, key) in enumerate(zip(WINDS, SHARED, strict=False)):
-            answer += self.by_wind[name] * (usual[i] + values.get(key, 0.0) + local[i] - self.wind[i])
+                added += self._measured[key] * value
         # a rate or speed that a sensor adds to is, for the answer, its change
-        answer[:, :3] += seen[:, :3]
-        answer[1:, 3:] += np.diff(seen[:, 3:], axis=0) / self.flight.motion.step
-        return Settled(self.flight, self.wind, answer, self.gust)
+        answer[:, :3] += added[:, :3]
+        answer[1:, 3:] += np.diff(added[:, 3:], axis=0) / self.flight.motion.step
+        return Settled(self.flight, wind, answer, self.gust)
 
     def refresh(self, keys: Sequence[str], at: Mapping[str, float]) -> None:
         """Take the slopes of some knobs anew about a changed model."""
@@ -204,6 +233,7 @@ class Sheet:
         found = knob_slopes(self.model, self.flight, self.wind, keys, at)
         self.slopes |= found
         self.columns |= self._columns(found, {})
+        self._lay()
 
     def _columns(self, model: Mapping[str, Floats], measured: Mapping[str, Floats]) -> dict[str, Floats]:
         model = {key: slope for key, slope in model.items() if key not in SHARED}
@@ -215,7 +245,7 @@ class Sheet:
         # a model that answers more would expect more: its signature is what its answer lacks
         answer = np.stack([*model.values(), *(self.by_rate.get(key, nothing) for key in measured)], axis=-1)
         seen = np.stack([*(nothing for _ in model), *measured.values()], axis=-1)
-        below = self._driven.whiten(-answer, self.noise, seen).reshape(7 * nodes, len(keys))
+        below = self._driven.whiten(-answer, seen).reshape(7 * nodes, len(keys))
         empty = np.zeros(scalars)
         found = {}
         for c, key in enumerate(keys):
@@ -226,20 +256,62 @@ class Sheet:
             found[IMU_CLOCK] = found[IMU_CLOCK] + sum(found[key] for key in COMMANDS if key in found)
         return found | {key: found[own] for key, own in SHARED.items() if own in found}
 
-    def residual(self, knobs: Mapping[str, float]) -> Floats:
+    def _lay(self) -> None:
+        """The columns side by side, and their products."""
+        names = (*WINDS, *self.local_keys)
+        own = {key: c for key, c in self.columns.items() if key not in names}
+        self._own = Signatures(tuple(own), np.column_stack(list(own.values())))
+        self._local: Floats = np.column_stack([self.columns[key] for key in names])
+        whole = np.hstack([self._own.matrix, self._local])
+        self._square: Floats = whole.T @ whole
+        inner = self._square[len(own) :, len(own) :] * self.local_std[:, None] * self.local_std + np.eye(len(names))
+        self._all, self._but_wind = cho_factor(inner), cho_factor(inner[2:, 2:])
+
+    def residual(self, knobs: Mapping[str, float], wind: Floats | None = None) -> Floats:
         """Whitened innovations (R,) with some knobs changed; zero where they do not count."""
-        driven = self.driven(knobs)
+        driven = self.driven(knobs, wind)
         residual = np.concatenate([self.flight.motion.whitened, driven.residual.ravel()])
         residual[~self._late] = 0.0
         return residual
 
-    def rows(self, residual: Floats) -> Rows:
-        """The linear form about a residual."""
-        local = np.column_stack([self.columns[key] for key in (*WINDS, *self.local_keys)])
-        own = {key: c for key, c in self.columns.items() if key not in WINDS and key not in self.local_keys}
-        at = np.zeros(len(self.local_std))
-        at[:2] = self.wind[:2] - self.model.vehicle.wind[:2]
-        return Rows(residual, own, local, self.local_std, self.channel, self.t, at)
+    def rows(self, knobs: Mapping[str, float], seen: Mapping[str, float]) -> Rows:
+        """The linear form with some knobs at other values, and some of the sensors' parameters off by so much (`seen`).
+
+        Drag and flapping are not linear in the wind: the residual is taken at the wind that fits the flight best.
+        """
+        declared_wind = np.array(self.model.vehicle.wind[:2]) + [seen.get(key, 0.0) for key in WINDY]
+        added = np.zeros(len(self.t))
+        for key, size in seen.items():
+            if key not in WINDY:
+                added += self.columns[key] * size
+        wind = self.wind
+        residual = self.residual(knobs, wind) - added
+        asked, cost = self._asked(residual, wind[:2] - declared_wind)
+        for _ in range(WIND_ROUNDS):
+            asked = wind[:2] - declared_wind + np.clip(asked - wind[:2] + declared_wind, -WIND_REACH, WIND_REACH)
+            to = np.array([*(declared_wind + asked), 0.0])
+            if np.abs(to - wind).max() < WIND_CLOSE:
+                break
+            other = self.residual(knobs, to) - added
+            further, lower = self._asked(other, asked)
+            if lower < cost:
+                wind, residual, cost, asked = to, other, lower, further
+            else:
+                asked = 0.5 * (asked + wind[:2] - declared_wind)
+        local = np.zeros(len(self.local_std))
+        local[:2] = wind[:2] - declared_wind
+        return Rows(residual, self._own, self._local, self.local_std, self.channel, self.t, local, self._square)
+
+    def _asked(self, residual: Floats, wind: Floats) -> tuple[Floats, float]:
+        """The wind (2,) that a residual taken at another one asks for, and half the square that is left at that one.
+
+        Both beyond what is usual.
+        """
+        pull = self.local_std * (self._local.T @ (residual + self._local[:, :2] @ wind))
+        asked = (self.local_std * cho_solve(self._all, pull))[:2]
+        spent = wind / self.local_std[:2]
+        free = self.local_std[2:] * (self._local[:, 2:].T @ residual)
+        return asked, 0.5 * float(residual @ residual + spent @ spent - free @ cho_solve(self._but_wind, free))
 
 
 def solve(rows: Rows, std: Mapping[str, float]) -> tuple[dict[str, float], Floats, Floats]:

@@ -79,7 +79,8 @@ class Flight:
     name: str
     motion: Motion
     drive: Drive
-    measured: Floats  # (N, 7): mean force, rate and rotor speed of each node; NaN where there is none
+    measured: Floats  # (N, 7): mean force, rate and rotor speed of each node; NaN where there is none, or the ground
+    inertial: Floats  # (N, 6): mean force and rate, also there
     thrust: Floats  # (N,) [N] about: force along the mast times mass
     skids: Floats  # (N,) [m] of the skids above the ground
     echoes: tuple[int, int]  # samples of the ranger beyond its reach, and how many of them said they were valid
@@ -121,12 +122,13 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
     sums = np.add.reduceat(imu[: edges[-1]], edges[:-1])
     measured[:, :6] = sums / np.diff(edges)[:, None]
     measured[:, 6] = _means(np.asarray(speed["t"], float), np.asarray(speed["speed"], float), imu_t[edges])
-    thrust, touched = mass * measured[:, 2], _touched(skids[:last])
+    inertial, touched = measured[:, :6].copy(), _touched(skids[:last])
+    thrust = mass * inertial[:, 2]
     if touched.any():
         measured[touched] = np.nan  # the ground's force is not the model's
         notes.append(f"on or near the ground for {touched.sum() * STEP:.1f} s: force and moment not judged there")
     return Flight(
-        name, motion, drive, measured, thrust, skids[:last],
+        name, motion, drive, measured, inertial, thrust, skids[:last],
         _echoes(tables, vehicle, motion), tuple(notes),
     )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""A cause fitted for good: Gauss-Newton about its own best values, and the evidence there.
+"""A cause fitted for good: Levenberg and Marquardt's iteration to its own best values, and the evidence there.
 
 The prior of a parameter stands about its nominal value; expanded about another point m it is met by moving the
 residual back along the signatures: r' = r(m) + J (m - nominal).
@@ -17,11 +17,11 @@ from identification.stack import Stack, stack
 
 Floats = NDArray[np.float64]
 
-ROUNDS = 10
-STEP_LIMIT = 2.0  # of the prior's standard deviation that one step may go
-MOVED = 0.3  # of it, beyond which a signature is taken anew
-GAINED = 0.1  # nats that a round must gain
-SMALLEST_SHARE = 0.05  # of a step
+ROUNDS = 12
+MOVED = 0.5  # of a prior's standard deviation, beyond which a signature is taken anew
+GAINED = 0.1  # nats that a round must promise
+DAMPING = 0.3  # of the priors' precision, to begin with where a step went too far
+STIFFEST = 1e4  # damping beyond which there is no way down
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +46,32 @@ class _Solved:
     step: dict[str, float]
     std: dict[str, float]
     covariance: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Where the iteration stands; std, shift (K,) in the order of the stack's keys."""
+
+    at: dict[str, float]
+    cost: float
+    stack: Stack
+    std: Floats
+    shift: Floats
+
+
+def _step(s: Stack, std: Floats, shift: Floats, damping: float) -> tuple[Floats, float]:
+    """(K,) from an expansion point towards the optimum, and the nats that it promises.
+
+    Damped in the priors' own units: (D G D + (1 + damping) I) y = D g - m / D, the step being D y.
+    """
+    used = np.flatnonzero(std > 0.0)
+    d = std[used]
+    g = d[:, None] * s.information[np.ix_(used, used)] * d
+    pull = d * s.score[used] - shift[used] / d
+    y = cho_solve(cho_factor(g + (1.0 + damping) * np.eye(len(used))), pull)
+    step = np.zeros(len(std))
+    step[used] = d * y
+    return step, float(pull @ y - 0.5 * y @ (g @ y + y))
 
 
 def _solve(s: Stack, std: Floats, shift: Floats, own: list[int]) -> _Solved:
@@ -78,48 +104,47 @@ def refit(
 ) -> Refit:
     """Fit these causes together, everything that has a tolerance with them; `start`: absolute values to begin at.
 
-    No causes: the null. Signatures are taken anew for what has moved by more than MOVED of its prior; for the rest the
-    chord serves.
+    No causes: the null. The causes' own signatures are taken anew where they moved by more than MOVED of their priors;
+    for the rest the chord serves.
     """
     which = range(len(bench.names)) if flights is None else flights
     own = [p.key for cause in causes for p in cause.parameters]
     prior = dict(bench.tolerances) | {key: bench.spreads[key] for key in own}
     prior = {key: std for key, std in prior.items() if std > 0.0}
-    at = dict(start or {})
-    fresh: set[str] = {key for key in at if key in prior}
-    best: tuple[dict[str, float], _Solved, Stack, float] | None = None
-    share = 1.0
+    at = {key: value for key, value in (start or {}).items() if key in prior}
+    fresh: set[str] = set(own) & set(at)
+    best: _Point | None = None
+    damping = 0.0
     for _ in range(rounds):
         rows = [bench.rows(i, at, fresh) for i in which]
         s = stack(rows, list(rows[0].signatures))
         std = np.array([prior.get(key, 0.0) for key in s.keys])
         shift = np.array([at[key] - bench.nominal[key] if key in at else 0.0 for key in s.keys])
         here = _cost(s, std, shift)
-        fresh = set()
-        if best is not None and here > best[3] - GAINED:
-            if share < SMALLEST_SHARE or here < best[3] + GAINED:
-                break
-            share *= 0.3  # too far for a straight line
+        if best is None or here < best.cost:
+            best = _Point(at, here, s, std, shift)
+            damping = 0.0 if damping < DAMPING else 0.2 * damping
         else:
-            best = dict(at), _solve(s, std, shift, s.index(list(prior))), s, here
-            share = min(1.0, 2.0 * share)
-        where, solved = best[0], best[1]
-        at = {}
-        for key, width in prior.items():
-            step = share * float(np.clip(solved.step[key], -STEP_LIMIT * width, STEP_LIMIT * width))
-            at[key] = bench.bounded(key, where.get(key, bench.nominal[key]) + step)
-            if abs(step) > MOVED * width:
-                fresh.add(key)
+            damping = max(DAMPING, 5.0 * damping)
+        step, promised = _step(best.stack, best.std, best.shift, damping)
+        if promised < GAINED or damping > STIFFEST:
+            break
+        moves = dict(zip(best.stack.keys, step.tolist(), strict=True))
+        at = {key: bench.bounded(key, best.at.get(key, bench.nominal[key]) + moves[key]) for key in prior}
+        fresh = {key for key in own if abs(moves[key]) > MOVED * prior[key]}
     assert best is not None
-    where, solved, s, _ = best
+    s, where = best.stack, best.at
+    solved = _solve(s, best.std, best.shift, s.index(list(prior)))
+    # what the last line promises counts no further than it was seen to hold
+    unseen = max(best.cost - solved.cost - GAINED, 0.0)
     reached = {key: where.get(key, bench.nominal[key]) + solved.step[key] for key in prior}
     chosen = [list(prior).index(key) for key in own]
     return Refit(
         causes=tuple(c.name for c in causes),
         values={key: reached[key] for key in own},
         std={key: solved.std[key] for key in own},
-        log_evidence=solved.log_evidence - sum(float(np.log(cause.alike)) for cause in causes),
-        cost=solved.cost,
+        log_evidence=solved.log_evidence - unseen - sum(float(np.log(cause.alike)) for cause in causes),
+        cost=solved.cost + unseen,
         covariance=solved.covariance[np.ix_(chosen, chosen)],
         at=where,
         step=solved.step,

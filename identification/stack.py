@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from identification.signatures import Signatures
+
 Floats = NDArray[np.float64]
 
 
@@ -27,11 +29,28 @@ class Rows:
     channel: NDArray[np.int64]  # (R,) of identification.channels
     t: Floats  # (R,)
     local_at: Floats | None = None  # (L,) of the local ones, where the residual was taken; None: nothing
+    square: Floats | None = None  # (K + L, K + L) products of all columns, signatures first, where they are kept
 
     @property
     def at(self) -> Floats:
         """(L,) the same, zeros where nothing."""
         return np.zeros(len(self.local_std)) if self.local_at is None else self.local_at
+
+    def products(self, keys: Sequence[str]) -> tuple[Floats, Floats]:
+        """(K + L, K + L) products of these signatures and what is local, and (K + L,) theirs with the residual.
+
+        The prior of what is local stands about nothing: as if the residual had been taken there.
+        """
+        residual = self.residual + self.local @ self.at
+        if self.square is not None and isinstance(self.signatures, Signatures):
+            pull = np.concatenate([self.signatures.matrix.T @ residual, self.local.T @ residual])
+            if self.signatures.names == tuple(keys):
+                return self.square, pull
+            own = len(self.signatures)
+            which = [self.signatures.names.index(key) for key in keys] + list(range(own, len(pull)))
+            return self.square[np.ix_(which, which)], pull[which]
+        whole = np.column_stack([*(self.signatures[key] for key in keys), self.local])
+        return np.asarray(whole.T @ whole), np.asarray(whole.T @ residual)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,15 +75,13 @@ def stack(flights: Sequence[Rows], keys: Sequence[str]) -> Stack:
     information, score = np.zeros((k, k)), np.zeros(k)
     square, log_local, rows = 0.0, 0.0, 0
     for item in flights:
-        j = np.column_stack([item.signatures[key] for key in keys])
-        scaled = item.local * item.local_std
-        # the prior of the local ones stands about nothing: as if the residual had been taken there
         residual = item.residual + item.local @ item.at
-        inner = np.eye(scaled.shape[1]) + scaled.T @ scaled
-        factor = cho_factor(inner)
-        cross, pull = scaled.T @ j, scaled.T @ residual
-        information += j.T @ j - cross.T @ cho_solve(factor, cross)
-        score += j.T @ residual - cross.T @ cho_solve(factor, pull)
+        products, pulls = item.products(keys)
+        d = item.local_std
+        factor = cho_factor(np.eye(len(d)) + d[:, None] * products[k:, k:] * d)
+        cross, pull = d[:, None] * products[k:, :k], d * pulls[k:]
+        information += products[:k, :k] - cross.T @ cho_solve(factor, cross)
+        score += pulls[:k] - cross.T @ cho_solve(factor, pull)
         square += float(residual @ residual - pull @ cho_solve(factor, pull))
         log_local -= float(np.log(np.diag(factor[0])).sum())
         rows += int(np.count_nonzero(item.residual))

@@ -60,31 +60,28 @@ def drive_signatures(gust, gains, spreads, step, keep, model, measured):
     """Whitened change of the innovations (N, 7, C) of `dynamics.innovations` by changed model or measurement.
 
     gust (N, 7, 3): what a gust does to the model's force, angular and rotor acceleration. gains (N, 7, 7) of each
-    scalar, spreads (N, 7) standard deviations of the innovations (inf: not used). keep: factor of the gust a node.
+    scalar, spreads (N, 7) standard deviations of the innovations (inf: not used, negative: the count begins there).
+    keep (N, 3): factor of the gust a node.
     model (N, 7, C): change of the model's answer. measured (N, 7, C): change of force, rate and rotor speed measured.
     """
     nodes, _, columns = model.shape
     out = np.zeros((nodes, 7, columns))
     x = np.zeros((7, columns))  # gust (3), rate (3), rotor speed
-    begun = np.zeros(7)
-    begun[:3] = 1.0
     for n in range(nodes):
         for c in range(columns):
             for i in range(3):
-                x[i, c] *= keep
+                x[i, c] *= keep[n, i]
             for i in range(4):
                 push = model[n, 3 + i, c]
                 for j in range(3):
                     push += gust[n, 3 + i, j] * x[j, c]
                 x[3 + i, c] += step * push
         for k in range(7):
-            if not np.isfinite(spreads[n, k]):
-                # the first reading is where the count begins; `measured` says nothing where there is none
-                if begun[k] == 0.0:
-                    for c in range(columns):
-                        x[k, c] = measured[n, k, c]
+            if spreads[n, k] < 0.0:
+                for c in range(columns):
+                    x[k, c] = measured[n, k, c]
+            if spreads[n, k] < 0.0 or not np.isfinite(spreads[n, k]):
                 continue
-            begun[k] = 1.0
             for c in range(columns):
                 change = measured[n, k, c]
                 if k < 3:

@@ -36,7 +36,8 @@ def simulated(bench: HelicopterBench, flight: int, fit: Refit, name: str) -> Tra
     answer = foreseen(bench, flight, fit)
     turning = np.zeros_like(item.measured[:, 3:6])
     turning[1:] = np.diff(item.measured[:, 3:6], axis=0) / step
-    force, moment = answer[:, :3] - item.measured[:, :3], answer[:, 3:6] - turning
+    # on the ground nothing was judged, and nothing moves apart
+    force, moment = np.nan_to_num(answer[:, :3] - item.measured[:, :3]), np.nan_to_num(answer[:, 3:6] - turning)
     rotation = np.array([matrix(q) for q in motion.attitude])
     pushed = np.einsum("nij,nj->ni", rotation, np.nan_to_num(force))
     length = max(2, round(HORIZON / step))

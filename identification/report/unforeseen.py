@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from identification.bench import Bench
 from identification.dynamics import CHANNELS, UNITS
+from identification.evidence import WINDY
 from identification.helicopter import HelicopterBench
 from identification.refit import Refit
 from identification.report.drivers import drivers
@@ -80,10 +81,9 @@ def foreseen(bench: HelicopterBench, flight: int, fit: Refit) -> Floats:
     residual = rows.residual + rows.local @ rows.at - sum(rows.signatures[key] * s for key, s in fit.step.items())
     scaled = rows.local * rows.local_std
     solved = rows.local_std * np.linalg.solve(np.eye(scaled.shape[1]) + scaled.T @ scaled, scaled.T @ residual)
-    nothing = np.zeros(len(solved))
-    nothing[:2] = sheet.wind[:2] - bench.vehicle.wind[:2]
-    moved = sheet.settled(errors, solved).answer - sheet.settled({}, nothing).answer
-    return np.asarray(sheet.driven(knobs).answer + moved)
+    shared = [errors.get(key, 0.0) for key in WINDY]
+    wind = np.array([*(solved[:2] + bench.vehicle.wind[:2] + shared), 0.0])
+    return np.asarray(sheet.settled(knobs, errors, solved, wind).answer)
 
 
 def curves(bench: Bench, before: Refit, after: Refit) -> Sequence[Curve]:

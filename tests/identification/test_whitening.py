@@ -36,10 +36,14 @@ def made_table(topic: str, columns: dict[str, NDArray[Any]]) -> Table:
     return Table(topic, pa.table(dict(columns)), topic_of("measured", topic))
 
 
+KEEP = np.tile([0.99, 0.985, 0.95], (NODES, 1))
+GUSTS = np.tile([0.3, 0.4, 0.5], (NODES, 1))
+
+
 def _filter(answer: Floats, measured: Floats, gust: Floats, noise: Noise) -> tuple[Floats, Floats, Floats]:
     gains, spreads, out = np.zeros((NODES, 7, 7)), np.zeros((NODES, 7)), np.zeros((NODES, 7))
     innovations(
-        answer, measured, gust, STEP, noise.keep(STEP), np.array(noise.gust_std), np.array(noise.process),
+        answer, measured, gust, STEP, KEEP, GUSTS, np.array(noise.process),
         np.array(noise.noise), gains, spreads, out,
     )  # fmt: skip
     return gains, spreads, out / spreads
@@ -53,7 +57,7 @@ def test_the_signature_of_a_changed_model_is_what_the_filter_makes_of_it() -> No
     gains, spreads, before = _filter(answer, measured, gust, noise)
     change = rng.normal(size=(NODES, 7))
     _, _, after = _filter(answer + change, measured, gust, noise)
-    found = drive_signatures(gust, gains, spreads, STEP, noise.keep(STEP), change[:, :, None], np.zeros((NODES, 7, 1)))
+    found = drive_signatures(gust, gains, spreads, STEP, KEEP, change[:, :, None], np.zeros((NODES, 7, 1)))
     assert np.allclose(found[:, :, 0], after - before, atol=1e-9)
 
 
@@ -66,7 +70,7 @@ def test_the_signature_of_a_changed_measurement_is_what_the_filter_makes_of_it()
     change = rng.normal(size=(NODES, 7))
     change[0, 3:] = 0.0  # a first reading is where the count begins
     _, _, after = _filter(answer, measured + change, gust, noise)
-    found = drive_signatures(gust, gains, spreads, STEP, noise.keep(STEP), np.zeros((NODES, 7, 1)), change[:, :, None])
+    found = drive_signatures(gust, gains, spreads, STEP, KEEP, np.zeros((NODES, 7, 1)), change[:, :, None])
     assert np.allclose(found[:, :, 0], after - before, atol=1e-9)
 
 
@@ -203,10 +207,10 @@ def test_the_signature_of_a_number_is_what_the_innovations_lose_by_it(sheet: She
 
 @pytest.mark.parametrize("axis", range(2))
 def test_the_signature_of_wind_is_what_the_innovations_lose_by_it(sheet: Sheet, axis: int) -> None:
-    calm, before = sheet.residual({}), sheet.wind
+    calm, before = sheet.residual(sheet.at), sheet.wind
     try:
         sheet.wind = before + 0.3 * np.eye(3)[axis]
-        moved = sheet.residual({}) - calm
+        moved = sheet.residual(sheet.at) - calm
     finally:
         sheet.wind = before
     assert near(-0.3 * sheet.columns[("wind.e", "wind.n")[axis]], moved, 0.1)
@@ -232,7 +236,7 @@ def test_the_signature_of_a_force_that_a_sensor_adds_is_what_the_innovations_gai
 def test_taking_out_gusts_is_the_likelihood_with_all_gusts_integrated_over() -> None:
     """The filter's sum of squares and determinants against the covariance of everything measured, written out."""
     rng, nodes, noise = np.random.default_rng(8), 12, Noise()
-    keep, sigma = noise.keep(STEP), np.array(noise.gust_std)
+    keep, sigma = np.full((nodes, 3), 0.987), GUSTS[:nodes]
     model, measured = rng.normal(size=(2, nodes, 7))
     gust = rng.normal(size=(nodes, 7, 3))
     gains, spreads, out = np.zeros((nodes, 7, 7)), np.zeros((nodes, 7)), np.zeros((nodes, 7))
@@ -240,7 +244,7 @@ def test_taking_out_gusts_is_the_likelihood_with_all_gusts_integrated_over() -> 
                         gains, spreads, out)  # fmt: skip
     # unknowns in order: gusts (nodes, 3), steps of rates and rotor speed (nodes - 1, 4), error of their first reading
     far = np.abs(np.arange(nodes)[:, None] - np.arange(nodes))
-    blocks = [np.kron(keep**far, np.diag(sigma**2)), np.kron(np.eye(nodes - 1), np.diag(np.square(noise.process[3:]))),
+    blocks = [np.kron(keep[0, 0] ** far, np.diag(sigma[0] ** 2)), np.kron(np.eye(nodes - 1), np.diag(np.square(noise.process[3:]))),
               np.diag(np.square(noise.noise[3:]))]  # fmt: skip
     prior = block_diag(*blocks)
     rows: list[Floats] = []
