@@ -2,6 +2,10 @@
 
 from identification.causes.contract import Cause, Parameter
 
+EXCHANGED = (
+    "the same hover with the two propellers of that diagonal exchanged: damage goes with the propeller, a weight or a "
+    "shift stays"
+)
 SPREAD = 0.3  # of the share: chipped tips cost a few hundredths, a broken blade a half
 
 
@@ -15,10 +19,7 @@ def of(rotor: int, rotors: int = 4) -> Cause:
         kinds=("multirotor",),
         fixed={"rotor": rotor},
         alike=rotors,
-        split_by={
-            "mass": "the same hover with the two propellers of that diagonal exchanged: damage goes with the "
-            "propeller, a weight stays",
-        },
+        split_by=dict.fromkeys(("mass", "cg_offset"), EXCHANGED),
     )
 
 

@@ -25,6 +25,7 @@ def catalogue(craft: Multirotor) -> list[Cause]:
     reach = float(np.sqrt(np.mean(craft.positions[:, :2] ** 2)))
     mass, volts = craft.mass, craft.numbers["terms.battery_sag.reference"].value
     sag = battery_sag.CAUSE
+    rotors = [f"rotor_damage#{i + 1}" for i in range(craft.rotors)]
     added = ADDED * PLACED * reach
     return [
         Cause(
@@ -39,8 +40,7 @@ def catalogue(craft: Multirotor) -> list[Cause]:
             kinds=("multirotor",),
             split_by={
                 "thrust_scale": "a scale: nothing in flight tells mass from thrust where no force is measured alone",
-                "rotor_damage": "the same hover with the two propellers of that diagonal exchanged: damage goes with "
-                "the propeller, a weight stays",
+                **dict.fromkeys(rotors, rotor_damage.EXCHANGED),
                 "cg_offset": "a scale: a shift does not weigh",
             },
         ),
@@ -53,7 +53,7 @@ def catalogue(craft: Multirotor) -> list[Cause]:
             ),
             about="place of the centre of mass, the total mass unchanged",
             kinds=("multirotor",),
-            split_by={"mass": "a scale: a shift does not weigh"},
+            split_by={"mass": "a scale: a shift does not weigh", **dict.fromkeys(rotors, rotor_damage.EXCHANGED)},
         ),
         Cause(
             name="thrust_scale",
