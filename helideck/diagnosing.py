@@ -18,6 +18,7 @@ from identification.closed_loop import Landing
 from identification.diagnosis import Diagnosis, examine, open_bench
 from identification.intake import sound
 from identification.logs import Flights, read
+from identification.predictions import predictions
 from identification.report import Findings
 from identification.report.drivers import visited
 from identification.report.unforeseen import helicopter
@@ -130,7 +131,7 @@ def diagnose(
     if measured is not None:
         worth = gain.of_each(found, measured, bench) if verdict.causes else {}
         verdict = replace(
-            verdict, channels=measured.errors(),
+            verdict, channels=measured.errors(), predictions=predictions(found, bench),
             causes=[replace(cause, gain=worth.get(cause.name, cause.gain)) for cause in verdict.causes],
         )  # fmt: skip
         if verdict.causes or tables(found.unknown, flown).values:

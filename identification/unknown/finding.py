@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 MOST = 3  # effects
 POINTS = 25  # of a curve
 HELD = 5.0  # [nats] that a curve must gain where it was not fitted
-THIRDS = 3
+THIRDS, BLOCK = 3, 4.0  # [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,15 +115,14 @@ class _Finder:
         return Outcome(names, found, first)
 
     def _held_out(self, names: Names, effects: Sequence[Effect], place: Place, score: Weighed) -> float:
-        """[nats] that the curve gains where it was not fitted: each flight by the others, or thirds of the only one."""
+        """[nats] that the curve gains where it was not fitted: every third block of all flights by the other two.
+
+        Not each flight by the others: one that is flown high says nothing of what is near the ground.
+        """
         bench, fit = self._bench, self._search.fit(names)
-        units: list[list[NDArray[np.bool_]]] = []
-        rows = [bench.rows(i, fit.at) for i in range(self._flights)]
-        for i, item in enumerate(rows):
-            edges = np.quantile(item.t, np.linspace(0.0, 1.0, 1 + (THIRDS if self._flights == 1 else 1)))
-            which = np.clip(np.searchsorted(edges, item.t, side="right") - 1, 0, len(edges) - 2)
-            for part in range(len(edges) - 1):
-                units.append([which == part if k == i else np.zeros(len(o.t), bool) for k, o in enumerate(rows)])
+        t = [bench.rows(i, fit.at).t for i in range(self._flights)]
+        thirds = [np.floor((item - item.min()) / BLOCK).astype(int) % THIRDS for item in t]
+        units = [[third == part for third in thirds] for part in range(THIRDS)]
         columns = [self._bank.columns(i, place[0], self._shapes(place, i)) for i in range(self._flights)]
         moments = [
             Elimination(self._search, names, self._bank, self._bases, effects, unit).moments(columns) for unit in units

@@ -77,7 +77,7 @@ class Plain:
         local = np.kron(np.eye(2), np.ones((NODES, 1)))
         residual = self._residual[flight] - changes.get("slope", 0.0) * slope
         channel = np.repeat([0, 1], NODES)
-        t = np.tile(1.0 * np.arange(NODES), 2)
+        t = np.tile(0.04 * np.arange(NODES), 2)
         return Rows(residual, {"slope": slope}, local, np.array([10.0, 10.0]), channel, t)
 
     def bounded(self, key: str, value: float) -> float:
