@@ -18,19 +18,18 @@ from flightlog.tables import Table
 from identification.bench import Baseline, Bench, Channel
 from identification.causes import actuator_delay, actuator_lag, input_nonlinearity, joint_friction, joint_stiffness
 from identification.causes.contract import Cause
-from identification.competition import Competition
 from identification.course import Course, courses
 from identification.null import UNJUDGED
 from identification.rig_filter import SETTLING, Linear, Noise, fit_noise, innovations
-from identification.stack import Rows, stack
+from identification.stack import Rows, Stack, stack
 from sim.rig import Rig
 from sim.rig_motion import Moving
 
 Floats = NDArray[np.float64]
 
-STEP = 0.05  # [s] from node to node
+STEP = 0.04  # [s] from node to node
 FINE = 0.0025  # [s] of the model's own steps: they act half of one early, and 5 ms were named a delay in every null
-SMOOTHED = 0.1  # [s] of the parabola through the motion
+SMOOTHED = 0.06  # [s] of the parabola through the motion
 SHORTEST = 15.0  # [s] of a log
 ROUNDS = 6  # of the noise fit
 IMPERFECT = 0.02  # of the usual acceleration, which no model accounts for
@@ -50,7 +49,6 @@ class Nodes:
     rows: NDArray[np.int64]  # (N + 1,)
     states: Floats  # (N + 1, 2 J) smoothed
     seen: Floats  # (N + 1, J) measured less smoothed
-    averaged: int  # rows that `seen` is the mean of
 
     @property
     def length(self) -> int:
@@ -68,11 +66,9 @@ def _nodes(course: Course) -> Nodes:
     window = 2 * max(2, round(SMOOTHED / course.dt / 2.0)) + 1
     angles = savgol_filter(course.angles, window, 2, axis=0)
     rates = savgol_filter(course.angles, window, 2, deriv=1, delta=course.dt, axis=0)
-    half = (step - 1) // 2
-    rows = np.arange(half, len(angles) - half, step)
-    around = rows[:, None] + np.arange(-half, half + 1)
-    seen = (course.angles - angles)[around].mean(axis=1)
-    return Nodes(course, rows, np.hstack([angles, rates])[rows], seen, 2 * half + 1)
+    rows = np.arange(0, len(angles), step)
+    # one row, not the mean of those around: where a torque jumps, the smoothed motion is off by more than the noise
+    return Nodes(course, rows, np.hstack([angles, rates])[rows], (course.angles - angles)[rows])
 
 
 class RigBench:
@@ -109,7 +105,7 @@ class RigBench:
         self._linear: list[list[Linear]] = []  # by flight and stretch
         self._noise: Noise
         self._weights: list[Floats] = []  # by flight (N, J), of innovations that are too large to be noise
-        self._contest: Competition | None = None
+        self._expanded: tuple[Stack, dict[str, float]] | None = None
         if like is None:
             self.baseline = self._certify()
         else:
@@ -137,29 +133,28 @@ class RigBench:
             t=np.tile(t, joints),
         )
 
-    def competition(self) -> Competition:
-        """All causes on the linear form about the fit with everything free, where it is nearest to every truth."""
-        if self._contest is None:
+    def expanded(self) -> tuple[Stack, dict[str, float]]:
+        """The linear form about the fit with everything free, nearest to every truth, and how far from nominal."""
+        if self._expanded is None:
             self._slopes = [{} for _ in self.names]
             rows = [self.rows(i, self._at) for i in range(len(self.names))]
             shift = {key: value - self.nominal[key] for key, value in self._at.items()}
-            self._contest = Competition(
-                stack(rows, list(rows[0].signatures)), self.tolerances, self.causes, self.spreads, shift
-            )
-        return self._contest
+            self._expanded = stack(rows, list(rows[0].signatures)), shift
+        return self._expanded
 
     def start(self, names: Sequence[str]) -> dict[str, float]:
         """Where a fit of these causes, and of all that may be off anyway, had best begin; absolute."""
-        contest = self.competition()
+        about, shift = self.expanded()
         free = dict(self.tolerances)
-        free |= {p.key: self.spreads[p.key] for name in names for p in contest.causes[name].parameters}
-        d = np.array([free.get(key, 0.0) for key in contest.stack.keys])
+        free |= {p.key: self.spreads[p.key] for c in self.causes if c.name in names for p in c.parameters}
+        score = about.score + about.information @ np.array([shift.get(key, 0.0) for key in about.keys])
+        d = np.array([free.get(key, 0.0) for key in about.keys])
         used = np.flatnonzero(d > 0.0)
         d = d[used]
-        information = d[:, None] * contest.stack.information[np.ix_(used, used)] * d
-        keys = [contest.stack.keys[i] for i in used]
+        information = d[:, None] * about.information[np.ix_(used, used)] * d
+        keys = [about.keys[i] for i in used]
         nominal = np.array([self.nominal[key] for key in keys])
-        values = self._within(keys, nominal, d, np.eye(len(d)) + information, d * contest.stack.score[used])
+        values = self._within(keys, nominal, d, np.eye(len(d)) + information, d * score[used])
         linear = dict(zip(keys, values.tolist(), strict=True))
         # far from every truth the line leads nowhere: then better from nominal
         spent = float((((values - nominal) / d) ** 2).sum())
@@ -244,7 +239,7 @@ class RigBench:
                 ahead, behind = (nodes.reached(moving, nodes.states[:-1] + side) for side in (aside, -aside))
                 columns.append((ahead - behind) / (2.0 * nudge[i]))
             h = nodes.length * nodes.course.dt
-            found.append(Linear(h, np.stack(columns, axis=2), nodes.seen, 1.0 / nodes.averaged))
+            found.append(Linear(h, np.stack(columns, axis=2), nodes.seen))
         return found
 
     def _whitened(
@@ -288,7 +283,7 @@ class RigBench:
                 reasons.append(f"joints.{joint}: {100.0 * odd:.0f} % of the innovations are no noise")
             elif square > UNJUDGED:
                 reasons.append(f"joints.{joint}: innovations are {square:.2f} times their noise (squared)")
-            elif abs(memory) > REMEMBERED:
+            elif memory > REMEMBERED:  # alike the other way round: the disturbance is allowed more than there is
                 reasons.append(f"joints.{joint}: neighbouring innovations are alike by {memory:.2f}")
         noise = {f"joints.{joint}": (float(self._noise.angle[j]), "rad") for j, joint in enumerate(rig.joints)}
         return Baseline(not reasons, "; ".join(reasons) or None, noise)

@@ -33,7 +33,6 @@ class Linear:
     h: float  # [s] from node to node
     transition: Floats  # (N, 2 J, 2 J) from each node to the next
     seen: Floats  # (N + 1, J) [rad] measured less smoothed angle at the nodes
-    share: float  # of an angle's variance that is left at a node, where several rows are averaged
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +119,7 @@ def innovations(linear: Linear, noise: Noise, defects: Floats) -> tuple[Floats, 
     """
     rate = np.full(len(noise.angle), 1.0)
     found, logs = _filtered(
-        linear.transition, linear.seen, np.ascontiguousarray(defects), linear.h, noise.angle**2 * linear.share,
+        linear.transition, linear.seen, np.ascontiguousarray(defects), linear.h, noise.angle**2,
         noise.slow, noise.white, FIRST * noise.angle, rate, MEMORY,
     )  # fmt: skip
     found[:SETTLING] = 0.0

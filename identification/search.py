@@ -68,8 +68,10 @@ class Search:
         own = {p.key for name in names for p in self.causes[name].parameters}
         free = dict(self.bench.tolerances) | {key: self.bench.spreads[key] for key in own}
         others = [cause for cause in self.bench.causes if cause.name not in names]
+        about = getattr(self.bench, "expanded", None)
         shift = {key: value - self.bench.nominal[key] for key, value in at.at.items()}
-        return Competition(at.stack, free, others, self.bench.spreads, shift)
+        linear, moved = about() if about else (at.stack, shift)
+        return Competition(linear, free, others, self.bench.spreads, moved)
 
     def run(self) -> Names:
         """The set of causes that is asserted, none of which loses less than the threshold when left out."""
@@ -85,12 +87,18 @@ class Search:
 
     def _choose(self) -> Names:
         """The best of all sets, where there are few: the linear best of each size are refitted."""
-        competition = getattr(self.bench, "competition", self.competition)()
+        competition = self.competition()
+        sure, least = hasattr(self.bench, "expanded"), WORTH  # one that is linear about the truth ranks for sure
         tried: list[Names] = [()]
         for size in range(1, MOST + 1):
             scores = [competition.score(*names) for names in combinations(sorted(self.causes), size)]
             scores.sort(key=lambda score: -score.log_evidence)
+            if sure and scores[0].log_evidence < least:
+                break  # nothing that a further cause would gain
+            least = scores[0].log_evidence
             for score in scores[:REFITTED]:
+                if sure and score.log_evidence < least - self.threshold:
+                    break
                 moved = {k: self.bench.bounded(k, self.bench.nominal[k] + step) for k, step in score.mean.items()}
                 self.fit(score.causes, moved)
                 tried.append(tuple(sorted(score.causes)))

@@ -58,7 +58,7 @@ def moved(rig: Rig, changes: dict[str, float], seconds: float, seed: int) -> Cou
     rng, dt = np.random.default_rng(seed), 0.01
     count = round(seconds / dt)
     inputs = rng.uniform(-2.0, 2.0, (count // 150 + 1, 2))[np.arange(count) // 150]
-    moving = Moving(rig, dt, changes)
+    moving = Moving(rig, dt, changes, 0.0025)
     angles = moving.run(np.zeros((1, 4)), moving.torques(inputs)[None])[0, :, :2]
     return Course("arm", 0.0, dt, inputs, angles + rng.normal(0.0, 0.002, angles.shape))
 
@@ -78,7 +78,7 @@ def test_the_likelihood_of_the_innovations_is_that_of_all_measurements_at_once()
     noise = Noise(np.array([0.02]), np.array([3.0]), np.array([0.4]))
     rng = np.random.default_rng(3)
     seen, defects = rng.normal(0.0, 0.05, (nodes, 1)), rng.normal(0.0, 0.01, (nodes - 1, 2, 1))
-    linear = Linear(h, np.repeat(f[None], nodes - 1, axis=0), seen, 0.5)
+    linear = Linear(h, np.repeat(f[None], nodes - 1, axis=0), seen)
     push = 0.5 * (f[:, 1] + np.array([0.0, 1.0]))
     phi = np.exp(-h / MEMORY)
     step = np.block([[f, h * push[:, None]], [np.zeros((1, 2)), np.array([[phi]])]])
@@ -95,7 +95,7 @@ def test_the_likelihood_of_the_innovations_is_that_of_all_measurements_at_once()
     for i in range(nodes):
         for j in range(i + 1):
             whole[i, j] = whole[j, i] = (np.linalg.matrix_power(step, i - j) @ states[j])[0, 0]
-    whole += 0.02**2 * 0.5 * np.eye(nodes)
+    whole += 0.02**2 * np.eye(nodes)
     z, logs = _unsettled(linear, noise, defects)
     expected = multivariate_normal(means, whole).logpdf(seen[:, 0])
     assert -0.5 * (z**2).sum() - logs - 0.5 * nodes * np.log(2.0 * np.pi) == pytest.approx(expected, rel=1e-9)
