@@ -19,6 +19,7 @@ from tests.blind.flights import write_flight_json
 from tests.blind.plans import PLANS, weather
 
 Rng = np.random.Generator
+HELD_FOR = 30.0  # [s] that a pilot must hold a vehicle
 HERE = Path(__file__).parent / "vehicles"
 
 
@@ -160,6 +161,18 @@ class QuadrotorKit(_ByNumbers):
     effects = quad_effects.EFFECTS
     unknown = quad_effects.UNKNOWN
     plans = quad_flights.NAMES
+
+    def draw(self, rng: Rng) -> Numbers:
+        """See `Kit.draw`; drawn again where the pilot cannot hold it."""
+        for _ in range(draws.TRIES):
+            found = super().draw(rng)
+            trial = quad_flights.plan_of("turn", self.nominal, np.random.default_rng(0), HELD_FOR)
+            try:
+                quad_flights.fly(trial, self.nominal, found.numbers, {}, np.random.default_rng(1))
+            except quad_flights.Toppled:
+                continue
+            return found
+        raise RuntimeError(f"{self.nominal.path}: nothing that flies in {draws.TRIES} draws")
 
     def fly(
         self, craft: Numbers, plan: str, duration_s: float, seed: int, folder: Path, wrong: Sequence[Effect],

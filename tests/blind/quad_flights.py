@@ -47,6 +47,10 @@ _AT = {name: i for i, name in enumerate(OTHERWISE)}
  _CUSHION_HEIGHT, _SPEED_LIFT) = range(len(OTHERWISE))  # fmt: skip
 
 
+class Toppled(RuntimeError):
+    """It fell over."""
+
+
 @dataclass(frozen=True)
 class Air:
     """What gusts do, standard deviations."""
@@ -200,8 +204,8 @@ def _fly(  # type: ignore[no-untyped-def]
         off = np.array([-up_body[1], up_body[0], 0.0]) + noise[2] * read[k, 6:9]
         yaw = math.atan2(r[1, 0], r[0, 0])
         off[2] += math.atan2(math.sin(heading - yaw), math.cos(heading - yaw))
-        gain, damping = np.array([45.0, 45.0, 6.0]), np.array([12.0, 12.0, 4.0])
-        trim_m += TICK * np.array([60.0, 60.0, 4.0]) * off
+        gain, damping = np.array([80.0, 80.0, 6.0]), np.array([16.0, 16.0, 4.0])
+        trim_m += TICK * np.array([200.0, 200.0, 4.0]) * off
         twist = gain * off - damping * told_rate + trim_m + kick[1:]
         wanted = allocation @ np.array([
             known[0] * (wish @ r[:, 2]), known[1] * twist[0], known[2] * twist[1], known[3] * twist[2]])  # fmt: skip
@@ -284,7 +288,7 @@ def _columns(
 ) -> Columns:
     rows = rows[rows[:, 0] > -0.5 * TICK]
     if not np.isfinite(rows).all() or np.abs(rows[:, 16:18]).max() > TOPPLED:
-        raise RuntimeError("the flight came to nothing")
+        raise Toppled("the flight came to nothing")
     t, many = rows[:, 0].copy(), len(rows)
     rough = 2.0 if stress else 1.0
 

@@ -9,8 +9,10 @@ import pytest
 
 from flightlog.readers.folder import read_flight
 from sim import vehicle as vehicles
+from sim.kinds import load
 from sim.pipeline import Pipeline
-from tests.blind import draws, foreign, kits, plans
+from sim.rig_motion import Moving
+from tests.blind import draws, foreign, kits, plans, quad_flights, rig_flights
 from tests.blind.draws import injected
 from tests.blind.effects import EFFECTS, UNKNOWN
 from tests.blind.injector import make
@@ -188,3 +190,60 @@ def test_an_effect_is_in_the_flight(tmp_path, monkeypatch):
 
 
 EFFECTS_BEFORE = EFFECTS["baro_drift"]
+
+
+def test_the_rig_moves_as_mujoco_moves_it(monkeypatch):
+    """Equations written apart, steps of half a millisecond against MuJoCo's; friction, spring and deadband in force."""
+    rig = load(kits.file_of("gimbal"))
+    monkeypatch.setattr(rig_flights, "SHAKEN", 0.0)
+    changes = {"terms.joint_friction.pan.coulomb": 0.005, "terms.joint_stiffness.pan.stiffness": 0.01,
+               "terms.input_nonlinearity.pan_motor.deadband": 0.2}  # fmt: skip
+    for name in rig_flights.NAMES:
+        rng = np.random.default_rng(1)
+        course = rig_flights.plan_of(name, rng, 8.0)
+        own = rig_flights.fly(course, replace(rig, noise=dict.fromkeys(rig.joints, 1e-9)), rig.values(changes), {}, rng)
+        angles = np.column_stack([own["joints"][joint] for joint in rig.joints])
+        moving = Moving(rig, 0.01, changes, longest=0.0005)
+        start = np.array([[*angles[0], 0.0, 0.0]])
+        states = moving.run(start, moving.torques(np.repeat(course.values, 2, axis=0))[None])[0]
+        assert np.abs(states[: len(angles), :2] - angles).max() < 4e-3 < 0.03 * np.ptp(angles)
+
+
+@pytest.mark.parametrize("vehicle", ["quad", "quad_speed", "crazyflie"])
+def test_a_quadrotor_carries_its_weight_wherever_its_numbers_were_drawn(vehicle):
+    kit = kits.kit_of(vehicle)
+    for seed, name in enumerate(quad_flights.NAMES):
+        rng = np.random.default_rng(seed)
+        craft = kit.draw(rng)
+        plan = quad_flights.plan_of(name, kit.nominal, rng, 30.0)
+        columns = quad_flights.fly(plan, kit.nominal, craft.numbers, {}, rng)
+        assert columns["imu"]["fz"].mean() == pytest.approx(9.81, abs=0.25)
+        state = columns.get("estimate", columns.get("reference"))
+        assert state["u"].min() > 0.05 and state["u"].max() < 6.5
+
+
+def test_what_makes_a_quadrotor_turn_is_its_balance():
+    """Without gusts the specific force and the angular acceleration are those of the vehicle file's own equations."""
+    kit = kits.kit_of("quad")
+    rng = np.random.default_rng(3)
+    plan = quad_flights.plan_of("ladder", kit.nominal, rng, 10.0)
+    numbers = dict(kit.nominal.values()) | {"rotors.2.thrust_scale": 0.85}
+    columns = quad_flights.fly(plan, kit.nominal, numbers, {}, rng)
+    sent = {i: columns["controls"][f"m{i}"].mean() for i in (1, 2, 3, 4)}
+    # a rotor that gives less is asked for more, by as much as its table needs for the same thrust
+    lift = {i: np.interp(sent[i], *kit.nominal.tables[i - 1].T) for i in sent}
+    assert lift[3] * 0.85 == pytest.approx(np.mean([lift[1], lift[2], lift[4]]), rel=0.06)
+
+
+@pytest.mark.parametrize("vehicle", ["quad", "crazyflie", "quad_speed", "gimbal"])
+def test_every_effect_of_every_kind_can_be_drawn_and_moves_what_it_says(vehicle):
+    kit = kits.kit_of(vehicle)
+    for name, draw in {**kit.effects, **{n: d for n, (d, _, _) in kit.unknown.items()}}.items():
+        for seed in range(4):
+            rng = np.random.default_rng(seed)
+            craft = kit.draw(rng)
+            wrong = kit.effect(draw, craft, rng, 1.0)
+            injected = kit.inject(craft, [wrong])
+            assert wrong.name == name
+            assert injected.numbers != craft.numbers or injected.otherwise != craft.otherwise
+            assert set(injected.numbers) == set(craft.numbers)
