@@ -105,6 +105,7 @@ def test_a_scale_is_what_would_tell_thrust_from_mass():
     assert all(cause["split_by"] for cause in seen.asserted if cause["confusable_with"])
 
 
+@short_of("lift that grows with speed stays below the threshold in one box of 20 s")
 def test_what_stands_in_no_catalogue_is_flagged_and_not_named():
     seen = found("unknown").record
     assert seen.unexplained
