@@ -105,7 +105,8 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
     down = vehicle.cameras.get("down")
     start = _start(tables, imu, imu_t, None if down is None else down.mount.position)
     surface = pressure, temperature
-    motion, samples, skids = _filter(vehicle, imu_t, imu, edges, measurements, start, setup, mass, surface)
+    borne = _at_origin(imu_t, imu, vehicle.sensors["imu"].position)
+    motion, samples, skids = _filter(vehicle, imu_t, borne, edges, measurements, start, setup, mass, surface)
     last = _airborne(skids)
     if last * STEP < 5.0:
         raise UserError(f"{name}: {last * STEP:.1f} s in the air; at least 5 s would be right")
@@ -373,6 +374,13 @@ def _filter(
         samples[ends, :3], samples[ends, 3:6], samples[ends, 6:],
     )  # fmt: skip
     return motion, samples, height
+
+
+def _at_origin(t: Floats, imu: Floats, arm: Floats) -> Floats:
+    """Inertial samples (S, 6) as at the body's origin: f - dw/dt x r - w x (w x r); arm (3,) [m] of the sensor."""
+    rate, moved = imu[:, 3:], imu.copy()
+    moved[:, :3] -= np.cross(np.gradient(rate, t, axis=0), arm) + np.cross(rate, np.cross(rate, arm))
+    return moved
 
 
 def _mended(
