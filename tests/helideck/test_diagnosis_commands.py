@@ -43,7 +43,10 @@ def diagnosis(words: list[str]) -> None:
 def measured(words: list[str]) -> None:
     if not DATA.is_dir():
         pytest.skip("no measured data: set HELIDECK_DATA to its folder")
-    found = {path.name: str(path) for path in sorted(DATA.glob("**/*")) if path.is_file()}
+    # normal flights first: a name that stands for another flight too is that one's
+    files = sorted(DATA.glob("**/*.csv*"), key=lambda path: ("normal" not in path.parent.name, path))
+    found = {path.name: str(path) for path in files}
+    found |= {f"n{i}.csv.gz": str(path) for i, path in enumerate(f for f in files if f.name.startswith("E8"))}
     given = [str(LAB) if word == "$LOG" else found.get(Path(word).name, word) for word in words]
     assert main([*given[1:], *([] if words[1] == "predict" or "-o" in words else ["-o", "diagnoses/measured"])]) == 0
 
