@@ -7,11 +7,12 @@ from identification import kinematics as k
 from identification.causes import CATALOGUE, Change
 from identification.flight import Flight
 from identification.model import tolerance_of
-from identification.views import field_seen, rotations, scalars
+from identification.views import field_seen, pad_seen, rotations, scalars
 from sim.vehicle import Vehicle
 
 Floats = NDArray[np.float64]
 
+MARK = 1.0  # [m] across, about, for what an edge's shift does to its distance
 FORCE_FLOOR = 0.02  # [m/s^2] of offset that geometry and model leave open on any flight
 
 
@@ -75,6 +76,12 @@ def _places(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]
         spread = float(tolerance_of(vehicle.document, "cameras.down.position", "m"))
         for axis in range(3):
             found.append((f"local.down.position_{axis}", Change(scalars(flight, (k.PAD + axis, 1.0))), spread))
+        if "pad" in vehicle.sensors:
+            # edges that stand outward by so many pixels on a mark of a metre: it seems nearer by 2 z/(f m) of z
+            depth = pad_seen(flight, vehicle)[:, 2]
+            nearer = -2.0 * depth**2 / (vehicle.cameras["down"].model.fx * MARK)
+            std = vehicle.sensors["pad"].numbers["bleed_std"]
+            found.append(("local.down.bleed", Change(scalars(flight, (k.PAD + 2, nearer))), std))
     return found
 
 

@@ -16,6 +16,7 @@ from identification.grid import sheared, turned
 from identification.gusts import usual
 from identification.model import Model, tolerance_of
 from identification.noise_fit import Settled
+from identification.null import APPARENT
 from identification.signatures import Signatures
 from identification.stack import Rows
 from identification.whitening import sensor_signatures
@@ -333,5 +334,8 @@ def priors(model: Model, causes: Sequence[Cause]) -> tuple[dict[str, float], dic
         for p in cause.parameters:
             if p.tolerance is not None:
                 tolerances[p.key] = float(tolerance_of(model.vehicle.document, p.tolerance, p.unit))
+    for key, apparent in APPARENT.items():
+        if any(p.key == key for cause in causes for p in cause.parameters):
+            tolerances[key] = float(np.hypot(tolerances.get(key, 0.0), apparent))
     spreads = {p.key: max(p.spread, 3.0 * tolerances.get(p.key, 0.0)) for cause in causes for p in cause.parameters}
     return tolerances, spreads

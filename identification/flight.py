@@ -32,7 +32,8 @@ AFTERMATH = 0.6  # [s] that a touch of the ground shakes
 SETTLED = 1.0  # [s] until the filter knows where it is
 LEAST_SAMPLES = 40  # to take a noise level from
 LEAST_FACTOR = 0.4  # of the declared one
-PAD_TAU = 4.0  # [s] for which a front end's errors last: attitude that it was given, size of the mark
+PAD_TAU = 6.0  # [s] for which a front end's errors last: attitude that it was given, size of the mark
+LASTING = 30.0  # [s] over which a slow error of the attitude is taken for a constant one
 POINTING, STAMP = 5e-4, 2e-3  # [rad], [s]: what gyro and stamps leave open in turning from body to camera to world
 PAD_FLOOR, ANGLE_FLOOR = 0.0005, 5e-4  # [m], [rad] that no front end is better than
 TACH_SPAN = 0.3  # [s] over which the tachometer is smoothed
@@ -337,7 +338,9 @@ def _statistics(vehicle: Vehicle, node_step: float, imu_step: float) -> tuple[Fl
         wander(slice(k.PAD_SLOW, k.PAD_SLOW + 4), 1.0, PAD_TAU)
         prior[k.PAD_SLOW : k.PAD_SLOW + 4] = 1.0
         prior[k.CAMERA_SCALE] = numbers["pad"]["scale_std"] ** 2
-        prior[k.CAMERA_TILT : k.CAMERA_TILT + 2] = imu["misalignment_std"] ** 2  # of the body that the sensor sees
+        # of the body that the sensor sees, and what of the attitude's error outlasts a minute
+        lasting = 2.0 * numbers["pad"]["tilt_tau"] / LASTING * numbers["pad"]["tilt_std"] ** 2
+        prior[k.CAMERA_TILT : k.CAMERA_TILT + 2] = imu["misalignment_std"] ** 2 + 2.0 * lasting
     return prior, noise, decay
 
 
