@@ -53,7 +53,7 @@ def flown(changes: dict[str, float], seconds: float = 60.0, seed: int = 0) -> di
     u = np.column_stack([
         rng.choice([1.3, 1.36, 1.42], len(steps)), rng.choice([0.5, 0.75, 1.0, 1.25, 1.5], len(steps)),
     ])[np.searchsorted(steps, t, side="right") - 1]  # fmt: skip
-    moving = Moving(rig(), dt, changes)
+    moving = Moving(rig(), dt, changes, 0.0025)  # as fine as the diagnosis
     states = moving.run(np.array([[1.4, -0.45, 0.0, 0.0]]), moving.torques(u)[None])[0]
     angles = states[:, :2] + rng.normal(0.0, [0.004, 0.002], (len(t), 2))
     return {
@@ -172,7 +172,7 @@ KNOWN = {key: FOUND[key] for key in FOUND if "torque" in key or "viscous" in key
 def test_dry_friction_of_a_rig_is_named_and_nothing_where_nothing_is_wrong(
     changes: dict[str, float], named: list[str]
 ) -> None:
-    found = examine({"log": flown(KNOWN | changes, 40.0)}, rig().changed(KNOWN))  # type: ignore[arg-type]
+    found = examine({"log": flown(KNOWN | changes, 24.0)}, rig().changed(KNOWN))  # type: ignore[arg-type]
     assert list(found.causes) == named
     for key, value in changes.items():
         fit = found.search.fit(found.causes)
