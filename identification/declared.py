@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from identification import kinematics as k
 from identification.causes import CATALOGUE, Change
-from identification.flight import Flight
+from identification.flight import LASTING, Flight
 from identification.model import tolerance_of
 from identification.views import field_seen, pad_seen, rotations, scalars
 from sim.vehicle import Vehicle
@@ -76,12 +76,33 @@ def _places(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]
         spread = float(tolerance_of(vehicle.document, "cameras.down.position", "m"))
         for axis in range(3):
             found.append((f"local.down.position_{axis}", Change(scalars(flight, (k.PAD + axis, 1.0))), spread))
+        found += _linear_late(flight, vehicle)
         if "pad" in vehicle.sensors:
             # edges that stand outward by so many pixels on a mark of a metre: it seems nearer by 2 z/(f m) of z
             depth = pad_seen(flight, vehicle)[:, 2]
             nearer = -2.0 * depth**2 / (vehicle.cameras["down"].model.fx * MARK)
             std = vehicle.sensors["pad"].numbers["bleed_std"]
             found.append(("local.down.bleed", Change(scalars(flight, (k.PAD + 2, nearer))), std))
+    return found
+
+
+def _linear_late(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]:
+    """Turn and scale of the camera, once more.
+
+    The filter has them as states, but takes their rows where it believes to be: in its first second that may be metres
+    off, and what it then takes the turn for stays visible for long.
+    """
+    numbers = {topic: fitted.numbers for topic, fitted in vehicle.sensors.items()}
+    if "pad" not in numbers:
+        return []
+    lasting = 2.0 * numbers["pad"]["tilt_tau"] / LASTING * numbers["pad"]["tilt_std"] ** 2
+    turn = float(np.sqrt(numbers["imu"]["misalignment_std"] ** 2 + 2.0 * lasting))
+    found = []
+    for name, std in (("camera_tilt", turn), ("camera_focal", numbers["pad"]["scale_std"])):
+        cause = CATALOGUE[name]
+        assert cause.changes is not None
+        for parameter, change in zip(cause.parameters, cause.changes(flight, vehicle), strict=True):
+            found.append((f"local.{parameter.key}", change, std))
     return found
 
 
