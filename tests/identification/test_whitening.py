@@ -244,7 +244,8 @@ def test_taking_out_gusts_is_the_likelihood_with_all_gusts_integrated_over() -> 
                         gains, spreads, out)  # fmt: skip
     # unknowns in order: gusts (nodes, 3), steps of rates and rotor speed (nodes - 1, 4), error of their first reading
     far = np.abs(np.arange(nodes)[:, None] - np.arange(nodes))
-    blocks = [np.kron(keep[0, 0] ** far, np.diag(sigma[0] ** 2)), np.kron(np.eye(nodes - 1), np.diag(np.square(noise.process[3:]))),
+    blocks = [np.kron(keep[0, 0] ** far, np.diag(sigma[0] ** 2)),
+              np.kron(np.eye(nodes - 1), np.diag(np.square(noise.process[3:]))),
               np.diag(np.square(noise.noise[3:]))]  # fmt: skip
     prior = block_diag(*blocks)
     rows: list[Floats] = []
