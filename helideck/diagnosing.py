@@ -108,7 +108,7 @@ def diagnose(
     good = read(normal, chosen) if normal else None
     for more in (others, good):
         if more is not None:
-            _ = flights + more  # no flight may be both
+            _ = flights + more  # no file may be both
     flown = None if vehicle is None else kinds.load(vehicle)
     flights = sound(flights, flown)
     others, good = (None if more is None else sound(more, flown) for more in (others, good))

@@ -30,14 +30,14 @@ class Flights:
         return sorted({t for name, log in self.logs.items() for t in self.tables[name] if t not in log.timed})
 
     def __add__(self, others: "Flights") -> "Flights":
-        """Both; UserError where a flight stands in both."""
+        """Both; UserError where a flight stands in both. Of two files of one name the second is told by its folder."""
+        logs, tables = dict(self.logs), dict(self.tables)
         for name, log in others.logs.items():
-            if name in self.logs:
+            if name in self.logs and log.path.resolve() == self.logs[name].path.resolve():
                 raise UserError(f"{log.path}: given twice")
-        return Flights(
-            dict(self.logs) | dict(others.logs), dict(self.tables) | dict(others.tables),
-            tuple(dict.fromkeys((*self.notes, *others.notes))),
-        )  # fmt: skip
+            other = f"{log.path.resolve().parent.name}/{name}" if name in logs else name
+            logs[other], tables[other] = log, others.tables[name]
+        return Flights(logs, tables, tuple(dict.fromkeys((*self.notes, *others.notes))))
 
 
 def read(paths: Sequence[Path], mapping: Path | None = None) -> Flights:

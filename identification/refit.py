@@ -5,7 +5,7 @@ residual back along the signatures: r' = r(m) + J (m - nominal).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +112,8 @@ def refit(
     prior = dict(bench.tolerances) | {key: bench.spreads[key] for key in own}
     prior = {key: std for key, std in prior.items() if std > 0.0}
     at = {key: value for key, value in (start or {}).items() if key in prior}
-    fresh: set[str] = set(own) & set(at)
+    anew = list(prior) if getattr(bench, "cheap", False) else own  # what slopes are taken anew of
+    fresh: set[str] = set(anew) & set(at)
     best: _Point | None = None
     damping = 0.0
     for _ in range(rounds):
@@ -131,12 +132,16 @@ def refit(
             break
         moves = dict(zip(best.stack.keys, step.tolist(), strict=True))
         at = {key: bench.bounded(key, best.at.get(key, bench.nominal[key]) + moves[key]) for key in prior}
-        fresh = {key for key in own if abs(moves[key]) > MOVED * prior[key]}
+        fresh = {key for key in anew if abs(moves[key]) > MOVED * prior[key]}
     assert best is not None
     s, where = best.stack, best.at
     solved = _solve(s, best.std, best.shift, s.index(list(prior)))
-    # what the last line promises counts no further than it was seen to hold
-    unseen = max(best.cost - solved.cost - GAINED, 0.0)
+    # what the last line promises and nobody saw does not count
+    unseen = max(best.cost - solved.cost, 0.0)
+    if unseen > GAINED:
+        solved = replace(solved, step=dict.fromkeys(solved.step, 0.0))
+    else:
+        unseen = 0.0
     reached = {key: where.get(key, bench.nominal[key]) + solved.step[key] for key in prior}
     chosen = [list(prior).index(key) for key in own]
     return Refit(

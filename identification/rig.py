@@ -74,6 +74,7 @@ def _nodes(course: Course) -> Nodes:
 class RigBench:
     """Flights of one rig."""
 
+    cheap = True  # slopes: all that moved are taken anew
     every_set = True  # few causes, quickly fitted: the search looks at all sets of them
 
     def __init__(
