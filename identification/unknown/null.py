@@ -10,7 +10,7 @@ ALIKE = 3.0  # [nats] within which the data do not tell two drivers, or two chan
 MARGIN = 15.0  # [nats] where no nulls were counted
 
 # [nats] helicopters, by hand: above what a few nulls of two 45 s flights reached (force 101, moment 65, imu 60, pad 29,
-# rotor 35, sonar 9, gps.v 8, mag 8, gps 4, baro 4), but one went to 228 in force, 175 in moment, 163 in imu and 152 in pad
+# rotor 35, sonar 9, gps.v 8, mag 8, gps 4, baro 4), but one went to 228 in force, 175 in moment, 163 in imu, 152 in pad
 HELICOPTER: Mapping[str, float] = {
     "force": 110.0, "moment": 110.0, "imu": 110.0, "pad": 60.0, "rotor": 60.0, "sonar": MARGIN, "gps": MARGIN,
     "gps.v": MARGIN, "baro": MARGIN, "mag": 20.0,
