@@ -7,7 +7,7 @@ import pytest
 from estimators.navigators import NAVIGATORS
 from helideck.cli import main
 from helideck.listing import LISTS
-from identification.causes import CATALOGUE
+from identification.causes import TOLD
 from scenarios.load import available
 from sim.sensors import CATALOGUE as SENSORS
 from sim.terms import CATALOGUE as TERMS
@@ -15,7 +15,7 @@ from sim.vehicle import available as vehicles
 
 EXPECTED = {
     "scenarios": available(), "vehicles": vehicles(), "terms": list(TERMS), "sensors": list(SENSORS),
-    "navigators": list(NAVIGATORS), "causes": list(dict.fromkeys(name.partition("#")[0] for name in CATALOGUE)),
+    "navigators": list(NAVIGATORS), "causes": list(TOLD),
 }  # fmt: skip
 
 
