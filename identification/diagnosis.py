@@ -60,24 +60,26 @@ def open_bench(logs: Logs, vehicle: AnyVehicle, like: Bench | None = None) -> Be
     return bench
 
 
-def diagnose(logs: Logs, vehicle: AnyVehicle, *, threshold: float = THRESHOLD) -> Verdict:
+def diagnose(logs: Logs, vehicle: AnyVehicle, *, threshold: float | None = None) -> Verdict:
     """What the vehicle's model gets wrong on these flights, by name; see design section 6.
 
-    logs: measured tables by flight and topic. Raises UserError for a log that cannot carry a diagnosis.
+    logs: measured tables by flight and topic; threshold [nats]: instead of the bench's own. Raises UserError for a log
+    that cannot carry a diagnosis.
     """
     found = examine(logs, vehicle, threshold=threshold)
     return told(found.verdict, found.search.causes)
 
 
-def examine(logs: Logs, vehicle: AnyVehicle, *, threshold: float = THRESHOLD) -> Diagnosis:
+def examine(logs: Logs, vehicle: AnyVehicle, *, threshold: float | None = None) -> Diagnosis:
     """`diagnose`, with all that the verdict was taken from."""
     with threadpool_limits(1, "blas"):  # its threads and ours would wait for each other
         return _examine(logs, vehicle, threshold)
 
 
-def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float) -> Diagnosis:
+def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float | None) -> Diagnosis:
     bench = open_bench(logs, vehicle)
-    search = Search(bench, min(threshold, getattr(bench, "threshold", threshold)))
+    needed = threshold if threshold is not None else float(getattr(bench, "threshold", THRESHOLD))
+    search = Search(bench, needed)
     best: Names = search.run() if bench.baseline.certified else ()
     certified = bench.baseline.certified
     beside = find(search, best) if certified else NOTHING
@@ -98,7 +100,7 @@ def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float) -> Diagnosis:
             bench.baseline.environment,
         ),
         channels=[],
-        causes=[*causes, *(c.asserted() for c in counted if c.log_bayes_factor > threshold)],
+        causes=[*causes, *(c.asserted() for c in counted if c.log_bayes_factor > needed)],
         candidates=[*_candidates(search, best), *(c.candidate() for c in counted)],
         unexplained=[found.told() for found in beside.found],
         not_testable=[NotTestable(name, list(needs)) for name, needs in sorted(bench.not_testable.items())],
