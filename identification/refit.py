@@ -4,7 +4,9 @@ The prior of a parameter stands about its nominal value; expanded about another 
 residual back along the signatures: r' = r(m) + J (m - nominal).
 """
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +15,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from identification.bench import Bench
 from identification.causes.contract import Cause
-from identification.stack import Stack, stack
+from identification.stack import Rows, Stack, stack
 
 Floats = NDArray[np.float64]
 
@@ -46,6 +48,14 @@ class _Solved:
     step: dict[str, float]
     std: dict[str, float]
     covariance: Floats
+
+
+def _rows(bench: Bench, which: Sequence[int], at: Mapping[str, float], fresh: Collection[str]) -> list[Rows]:
+    """Every flight's rows; side by side where the bench's flights do not share what they write."""
+    if not getattr(bench, "apart", False):
+        return [bench.rows(i, at, fresh) for i in which]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(lambda i: bench.rows(i, at, fresh), which))
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +127,7 @@ def refit(
     best: _Point | None = None
     damping = 0.0
     for _ in range(rounds):
-        rows = [bench.rows(i, at, fresh) for i in which]
+        rows = _rows(bench, which, at, fresh)
         s = stack(rows, list(rows[0].signatures))
         std = np.array([prior.get(key, 0.0) for key in s.keys])
         shift = np.array([at[key] - bench.nominal[key] if key in at else 0.0 for key in s.keys])
