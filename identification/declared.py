@@ -5,8 +5,9 @@ from numpy.typing import NDArray
 
 from identification import kinematics as k
 from identification.causes import CATALOGUE, Change
-from identification.flight import LASTING, Flight
+from identification.flight import Flight
 from identification.model import tolerance_of
+from identification.sensor_statistics import LASTING
 from identification.views import field_seen, pad_seen, rotations, scalars
 from sim.vehicle import Vehicle
 

@@ -18,6 +18,7 @@ from identification import kinematics as k
 from identification.corrections import corrected
 from identification.first_look import displaced, lonely
 from identification.grid import Course, Drive, lay, smooth
+from identification.sensor_statistics import statistics
 from identification.vibration import calm
 from sim.vehicle import Vehicle
 from sim.world import MAGNETIC_FIELD
@@ -32,8 +33,6 @@ AFTERMATH = 0.6  # [s] that a touch of the ground shakes
 SETTLED = 1.0  # [s] until the filter knows where it is
 LEAST_SAMPLES = 40  # to take a noise level from
 LEAST_FACTOR = 0.4  # of the declared one
-PAD_TAU = 6.0  # [s] for which a front end's errors last: attitude that it was given, size of the mark
-LASTING = 30.0  # [s] over which a slow error of the attitude is taken for a constant one
 POINTING, STAMP = 5e-4, 2e-3  # [rad], [s]: what gyro and stamps leave open in turning from body to camera to world
 PAD_FLOOR, ANGLE_FLOOR = 0.0005, 5e-4  # [m], [rad] that no front end is better than
 TACH_SPAN = 0.3  # [s] over which the tachometer is smoothed
@@ -291,59 +290,6 @@ def _start(tables: Mapping[str, Table], imu: Floats, imu_t: Floats, camera: Floa
     return start
 
 
-def _statistics(vehicle: Vehicle, node_step: float, imu_step: float) -> tuple[Floats, Floats, Floats]:
-    """Variance at the start, variance added a node, and factor a node, of each error state, as declared."""
-    prior, noise, decay = np.zeros(k.STATES), np.zeros(k.STATES), np.ones(k.STATES)
-    numbers = {topic: fitted.numbers for topic, fitted in vehicle.sensors.items()}
-
-    def wander(at: slice, std: float, tau: float) -> None:
-        decay[at] = math.exp(-node_step / tau)
-        noise[at] = std**2 * (1.0 - decay[at] ** 2)
-
-    imu = numbers["imu"]
-    prior[k.P : k.P + 3], prior[k.V : k.V + 3] = 4.0, 1.0
-    if "gps" in numbers:  # its first fix is the start
-        prior[k.P : k.P + 3], prior[k.V : k.V + 3] = 1.0, 9.0 * numbers["gps"]["velocity_noise"] ** 2
-    prior[k.PHI : k.PHI + 2], prior[k.PHI + 2] = 0.02**2, 0.05**2
-    lateral = imu["misalignment_std"] * GRAVITY
-    prior[k.B_A : k.B_A + 3] = imu["accel_bias_std"] ** 2 + (imu["accel_scale_std"] * GRAVITY) ** 2
-    prior[k.B_A : k.B_A + 2] += lateral**2
-    prior[k.B_G : k.B_G + 3] = imu["gyro_bias_std"] ** 2
-    noise[k.B_A : k.B_A + 3] = 2 * imu["accel_drift_std"] ** 2 * node_step / imu["accel_drift_tau"]
-    noise[k.B_G : k.B_G + 3] = 2 * imu["gyro_drift_std"] ** 2 * node_step / imu["gyro_drift_tau"]
-    # white noise of force and rate; the vibration's share is what a sampled turn leaves of it
-    shaken = 0.5 * (imu["vibration_force_1"] ** 2 + imu["vibration_force_2"] ** 2) * imu_step * 0.02
-    noise[k.V : k.V + 3] = 0.5 * imu["accel_noise"] ** 2 * node_step + shaken * node_step
-    noise[k.PHI : k.PHI + 3] = 0.5 * imu["gyro_noise"] ** 2 * node_step + 1e-9 * node_step
-    if "baro" in numbers:
-        n = numbers["baro"]
-        prior[k.BARO_BIAS] = n["bias_std"] ** 2
-        wander(slice(k.BARO_DRIFT, k.BARO_DRIFT + 1), n["drift_std"], n["drift_tau"])
-    if "gps" in numbers:
-        n = numbers["gps"]
-        up = [n["bias_std"], n["bias_std"], n["bias_std_up"]]
-        prior[k.GPS_BIAS : k.GPS_BIAS + 3] = np.square(up)
-        for axis, std in enumerate((n["wander_std"], n["wander_std"], n["wander_std_up"])):
-            at = slice(k.GPS_WANDER + axis, k.GPS_WANDER + axis + 1)
-            wander(at, std, n["wander_tau"])
-            prior[at] = std**2
-    if "mag" in numbers:
-        n = numbers["mag"]
-        turned = n["misalignment_std"] * float(np.linalg.norm(MAGNETIC_FIELD))
-        prior[k.MAG : k.MAG + 3] = n["bias_std"] ** 2 + n["drift_std"] ** 2 + turned**2
-        noise[k.MAG : k.MAG + 3] = 2 * n["drift_std"] ** 2 * node_step / n["drift_tau"]
-    if "sonar" in numbers:
-        prior[k.SONAR_SCALE] = numbers["sonar"]["scale_std"] ** 2
-    if "pad" in numbers:
-        wander(slice(k.PAD_SLOW, k.PAD_SLOW + 4), 1.0, PAD_TAU)
-        prior[k.PAD_SLOW : k.PAD_SLOW + 4] = 1.0
-        prior[k.CAMERA_SCALE] = numbers["pad"]["scale_std"] ** 2
-        # of the body that the sensor sees, and what of the attitude's error outlasts a minute
-        lasting = 2.0 * numbers["pad"]["tilt_tau"] / LASTING * numbers["pad"]["tilt_std"] ** 2
-        prior[k.CAMERA_TILT : k.CAMERA_TILT + 2] = imu["misalignment_std"] ** 2 + 2.0 * lasting
-    return prior, noise, decay
-
-
 def _filter(
     vehicle: Vehicle, imu_t: Floats, imu: Floats, edges: Ints,
     measurements: tuple[Ints, Ints, Floats, Floats, Floats], start: Floats, setup: Floats, mass: float,
@@ -354,7 +300,7 @@ def _filter(
     """
     first, kinds, times, values, stds = measurements
     nodes = len(edges) - 1
-    prior, noise, decay = _statistics(vehicle, STEP, float(np.median(np.diff(imu_t))))
+    prior, noise, decay = statistics(vehicle, STEP, float(np.median(np.diff(imu_t))))
     way, samples = np.zeros((nodes, 15)), np.zeros((len(imu_t), 10))
     rows, gains, answers = (np.zeros((len(times), n)) for n in (k.STATES, k.STATES, 3))
     shifts, slow = np.zeros(len(times)), np.where(kinds >= k.PAD, stds, 0.0)
