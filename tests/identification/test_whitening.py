@@ -61,6 +61,22 @@ def test_the_signature_of_a_changed_model_is_what_the_filter_makes_of_it() -> No
     assert np.allclose(found[:, :, 0], after - before, atol=1e-9)
 
 
+def test_after_nodes_on_the_ground_the_count_begins_anew_for_filter_and_signature() -> None:
+    rng = np.random.default_rng(5)
+    noise = Noise()
+    answer, measured = rng.normal(size=(2, NODES, 7))
+    measured[30:36] = np.nan
+    gust = 0.3 * rng.normal(size=(NODES, 7, 3))
+    gains, spreads, before = _filter(answer, measured, gust, noise)
+    change, lasting = rng.normal(size=(NODES, 7)), np.zeros((NODES, 7))
+    _, _, after = _filter(answer + change, measured, gust, noise)
+    found = drive_signatures(gust, gains, spreads, STEP, KEEP, change[:, :, None], np.zeros((NODES, 7, 1)))
+    assert np.allclose(found[:, :, 0], after - before, atol=1e-9)
+    lasting[36:, 3:] = 5.0  # what rates and rotor speed have become on the ground is no innovation
+    _, _, later = _filter(answer, measured + lasting, gust, noise)
+    assert np.allclose(later, before, atol=1e-9)
+
+
 def test_the_signature_of_a_changed_measurement_is_what_the_filter_makes_of_it() -> None:
     rng = np.random.default_rng(4)
     noise = Noise()
