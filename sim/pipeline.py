@@ -1,6 +1,7 @@
 """The terms in force, put in order and run as one compiled call."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numba
 import numpy as np
@@ -8,7 +9,7 @@ from numba import types
 from numba.typed import List
 from numpy.typing import NDArray
 
-from sim.terms.contract import GEOMETRY, KERNEL, SIGNALS, Term
+from sim.terms.contract import GEOMETRY, KERNEL, SIGNALS, Kernel, Term
 
 Floats = NDArray[np.float64]
 
@@ -52,6 +53,23 @@ def settle(kernels, spans, s, v, x, p, dt, steps, held, value):  # type: ignore[
         x[held] = value
 
 
+class _Address(types.WrapperAddressProtocol):  # type: ignore[misc]
+    """A compiled kernel by its address: numba then sees one type of function and not one a kernel.
+
+    Appending a kernel itself to a typed list compiles the appending anew for each, 3 s in every process.
+    """
+
+    def __init__(self, kernel: Kernel) -> None:
+        compiled = kernel.get_compile_result(KERNEL)  # type: ignore[attr-defined]
+        self._address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
+
+    def __wrapper_address__(self) -> int:
+        return int(self._address)
+
+    def signature(self) -> Any:
+        return KERNEL
+
+
 class Pipeline:
     """The model of one vehicle: terms in their order, parameters and states in flat vectors."""
 
@@ -67,7 +85,7 @@ class Pipeline:
         values: list[float] = []
         initial: list[float] = []
         for term in self.terms:
-            self.kernels.append(term.kernel)
+            self.kernels.append(_Address(term.kernel))
             first_state, first_parameter = len(state_names), len(values)
             state_names += [f"{term.name}.{name}" for name in term.states]
             initial += list(term.initial) or [0.0] * len(term.states)
