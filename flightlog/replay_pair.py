@@ -22,7 +22,8 @@ from flightlog.replay_series import thin
 Floats = NDArray[np.float64]
 
 RATE, TRAIL_RATE = 25.0, 10.0  # [Hz]
-COLOURS = ((235, 235, 235), (226, 85, 60), (60, 140, 230), (67, 160, 71))  # by track
+COLOURS = ((150, 150, 150), (226, 85, 60), (60, 140, 230), (67, 160, 71))  # by track; seen on light and dark
+COLOUR_NAMES = ("in its own colours", "red", "blue", "green")
 CHASE = "world/chase"
 
 
@@ -41,7 +42,7 @@ def write_pair(file: Path, tracks: Sequence[Track], meshes: Mapping[str, Mesh], 
     """Write the recording: the first track's vehicle in its own colours, the others' tinted; UserError for the file."""
     rec = rr.RecordingStream("helideck", send_properties=False)
     try:
-        rec.save(file, default_blueprint=_layout())
+        rec.save(file, default_blueprint=_layout([track.name for track in tracks]))
     except RuntimeError as error:
         raise UserError(f"{file}: cannot be written: {str(error).splitlines()[0]}") from None
     rec.send_recording_name(title)
@@ -95,7 +96,7 @@ def _curve(rec: rr.RecordingStream, place: str, t: Floats, values: Floats, colou
     rec.send_columns(place, indexes=[rr.TimeColumn(TIMELINE, duration=t)], columns=rr.Scalars.columns(scalars=values))
 
 
-def _layout() -> rrb.Blueprint:
+def _layout(names: Sequence[str]) -> rrb.Blueprint:
     so_far = rrb.VisibleTimeRanges(
         timeline=TIMELINE,
         start=rrb.TimeRangeBoundary.infinite(),
@@ -112,12 +113,13 @@ def _layout() -> rrb.Blueprint:
             overrides={"world/path/**": so_far},
         )  # fmt: skip
 
+    told = "; ".join(f"{name}: {colour}" for name, colour in zip(names, COLOUR_NAMES, strict=False))
     plots = [("height", "Height [m]"), ("east", "East [m]"), ("north", "North [m]"), ("apart", "Apart [m]")]
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(
                 scene("Flight", "world", (-9.5, -13.0, 6.2), (0.0, 0.0, 5.3)),
-                scene("Chase", CHASE, (-2.6, -3.2, 1.4), (0.0, 0.0, 0.0)),
+                scene(told, CHASE, (-2.6, -3.2, 1.4), (0.0, 0.0, 0.0)),
             ),
             rrb.Horizontal(*(rrb.TimeSeriesView(origin=origin, name=name) for origin, name in plots)),
             row_shares=[1.75, 1.0],

@@ -21,7 +21,7 @@ from identification.logs import Flights, read
 from identification.predictions import predictions
 from identification.report import Findings
 from identification.report.drivers import visited
-from identification.report.unforeseen import helicopter
+from identification.report.unforeseen import at_rest, helicopter
 from identification.told import told
 from identification.unknown.table import tables
 from identification.verdict import NotTestable, Verdict
@@ -48,7 +48,7 @@ class Answer:
     @property
     def findings(self) -> Findings:
         """What the report is made of."""
-        return Findings(self.verdict, self.diagnosis, self.gain, self.landings)
+        return Findings(self.verdict, self.diagnosis, self.gain, self.landings, self.flights.tables)
 
     def document(self) -> dict[str, Any]:
         """The document of `--json`."""
@@ -199,7 +199,8 @@ def record(found: Diagnosis, measured: gain.Gain | None, file: Path) -> None:
     if measured is not None and measured.judged is found.bench:
         gained = [float(np.sum(item.before**2 - item.after**2)) for item in measured.residuals]
     flight = int(np.argmax(gained))
-    before = tracks.simulated(bench, flight, found.search.null, "model as it was")
+    own = {p.key for name in found.causes for p in found.search.causes[name].parameters}
+    before = tracks.simulated(bench, flight, at_rest(bench, found.search.null, own), "model as it was")
     shown = [tracks.measured(bench, flight), before]
     if found.causes:
         shown.append(tracks.simulated(bench, flight, found.search.fit(found.causes), "extended model"))

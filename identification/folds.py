@@ -18,6 +18,7 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAST_STD = 1e-12  # of a number that is known
+TURN = 2.0  # [s] held out in one piece: several times what the filters remember of an innovation
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,15 +107,6 @@ def predict(
     return Held(float(likelihood), error - free @ moved, gone)
 
 
-def without(hypothesis: Hypothesis, unit: Unit, nuisances: Mapping[str, float]) -> Floats:
-    """(R,) what is left of a unit with every cause at rest and the nuisances where they have gone; locals follow."""
-    x, r = hypothesis.design(unit)
-    k = len(hypothesis.std)
-    left = r - x[:, :k] @ np.array([nuisances.get(key, 0.0) for key in hypothesis.std])
-    local = x[:, k:]
-    return np.asarray(left - local @ np.linalg.solve(np.eye(local.shape[1]) + local.T @ local, local.T @ left))
-
-
 def _trained(
     hypothesis: Hypothesis, units: Sequence[Unit], held: int | None, other: Hypothesis, unit: Unit
 ) -> tuple[Floats, Floats]:
@@ -139,16 +131,21 @@ def _trained(
 
 
 def fitted(hypothesis: Hypothesis, unit: Unit) -> Floats:
-    """(R,) what is left of a unit when everything free is fitted to itself."""
+    """(R,) what is left of a unit when everything free is fitted to itself, as large as noise it has not followed.
+
+    Of innovations with covariance 1 + X X^T the fit leaves (1 - H) of them, whose covariance is 1 - H: each is divided
+    by its own share.
+    """
     x, r = hypothesis.design(unit)
-    return np.asarray(r - x @ np.linalg.solve(np.eye(x.shape[1]) + x.T @ x, x.T @ r))
+    back = np.linalg.solve(np.eye(x.shape[1]) + x.T @ x, x.T)
+    left = r - x @ (back @ r)
+    return np.asarray(left / np.sqrt(1.0 - np.einsum("rk,kr->r", x, back)))
 
 
 def fifths(rows: Rows, count: int = 5) -> list[Unit]:
-    """Contiguous stretches of equal length of a single flight."""
-    edges = np.linspace(rows.t.min(), rows.t.max(), count + 1)
-    which = np.clip(np.searchsorted(edges, rows.t, side="right") - 1, 0, count - 1)
-    return [Unit(0, which == i) for i in range(count)]
+    """Every fifth stretch of TURN of a single flight: each has seen all that the flight passed through."""
+    turn = np.floor((rows.t - rows.t.min()) / TURN).astype(int) % count
+    return [Unit(0, turn == i) for i in range(count)]
 
 
 def whole(flights: Sequence[Rows]) -> list[Unit]:

@@ -2,11 +2,11 @@
 
 Three models are held against the same rows: nothing wrong (everything toleranced is free within its tolerance), the
 causes asserted, and everything free at once, which is what a fit of all parameters without a question about causes
-comes to. Flights handed in for it are judged if there are any; else each flight by the others; else each fifth of the
-only one by the other four.
+comes to. Flights handed in for it are judged if there are any; else each flight by the others; else every fifth
+stretch of the only one by the rest of it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from identification.bench import Bench
 from identification.diagnosis import Diagnosis
-from identification.folds import Hypothesis, Unit, fifths, fitted, predict, whole, without
+from identification.folds import TURN, Hypothesis, Unit, fifths, fitted, predict, whole
 from identification.refit import Refit
 from identification.search import Names
 from identification.stack import Rows
@@ -26,6 +26,7 @@ Ints = NDArray[np.int64]
 BLOCK = 2.0  # [s] rows resampled together: several times what the filters remember of an innovation
 DRAWS = 400
 LEVEL = (2.5, 97.5)  # [%]
+PINNED = 1e-5  # of a prior's standard deviation: of a number that stays at its nominal value
 HIDDEN = 0.02  # of the mean square: an excess over the floor smaller than this is none
 
 
@@ -50,7 +51,7 @@ class ChannelGain:
         excess = self.before**2 - self.floor**2
         if excess <= HIDDEN * self.before**2:
             return 0.0
-        return (self.before**2 - self.after**2) / excess
+        return min(1.0, (self.before**2 - self.after**2) / excess)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +112,8 @@ def of_each(diagnosis: Diagnosis, together: Gain, heldout: Bench | None = None) 
 def compare(diagnosis: Diagnosis, before: Names, after: Names, heldout: Bench | None, seed: int) -> Gain:
     """One set of causes, `before`, against a larger one.
 
-    The residual before is that of the larger set with what it has more put at rest: its other numbers are as good as
-    they can be. The likelihood before is that of the smaller set by itself.
+    Each is as good as it can be: what may be off anyway follows the held-out rows under either. In the residual before,
+    what the larger set has more stands at its nominal value; in the likelihood it is free within its tolerance.
     """
     bench, search = diagnosis.bench, diagnosis.search
     old, new = search.fit(before), search.fit(after)
@@ -123,26 +124,21 @@ def compare(diagnosis: Diagnosis, before: Names, after: Names, heldout: Bench | 
     if heldout is not None:
         one, two = (_hypothesis(heldout, fit, bench, names) for fit, names in ((old, before), (new, after)))
         tests = [one, two, _everything(bench, two)]
-    rest = {key: value for key, value in new.at.items() if key not in _own(bench, after) - _own(bench, before)}
     target = tests[1] if tests[1] is not None else second
-    at_rest = Hypothesis(
-        [judged.rows(i, rest) for i in range(len(judged.names))], target.std,
-        {key: value - bench.nominal[key] for key, value in rest.items()},
-    ) if before != after else target  # fmt: skip
     how, units = _units(first.flights, heldout, bench)
     held_units = units if heldout is None else whole(target.flights)
     count = range(len(held_units))
     held = [
         [predict(h, units, i, t, h is every) for i in count] for h, t in zip((first, second, every), tests, strict=True)
     ]
-    kept = _own(bench, before)
-    lefts = [
-        without(at_rest, unit, dict(item.nuisances) | _as_found(second, kept)) if before != after
-        else item.residual
-        for unit, item in zip(held_units, held[1], strict=True)
-    ]  # fmt: skip
-    floors = [fitted(tests[2] if tests[2] is not None else every, unit) for unit in held_units]
-    models = [lefts, [h.residual for h in held[1]], [h.residual for h in held[2]], floors]
+    at_rest = _own(bench, after) - _own(bench, before)
+    resting = _pinned(first, at_rest)
+    tested = None if tests[0] is None else _pinned(tests[0], at_rest)
+    left = [predict(resting, units, i, tested) for i in count] if before != after else held[1]
+    best = tests[2] if tests[2] is not None else every
+    of_flight = [fitted(best, unit) for unit in whole(best.flights)]
+    floors = [of_flight[unit.flight][unit.rows] for unit in held_units]
+    models = [*([item.residual for item in one] for one in (left, held[1], held[2])), floors]
     residuals = _residuals(judged, target.flights, held_units, models)
     channels, draws = _channels(judged, residuals, np.random.default_rng(seed))
     trained = sum(predict(second, units, i, tests[1], True).log_likelihood for i in count)  # as `every` is
@@ -155,9 +151,10 @@ def compare(diagnosis: Diagnosis, before: Names, after: Names, heldout: Bench | 
     )  # fmt: skip
 
 
-def _as_found(hypothesis: Hypothesis, keys: frozenset[str]) -> dict[str, float]:
-    """Causes that both sets have, at the values of the fit to everything, in standard deviations of their priors."""
-    return {key: hypothesis.shift.get(key, 0.0) / hypothesis.std[key] for key in keys}
+def _pinned(hypothesis: Hypothesis, keys: Collection[str]) -> Hypothesis:
+    """The same with some numbers at their nominal values."""
+    std = {key: PINNED * value if key in keys else value for key, value in hypothesis.std.items()}
+    return Hypothesis(hypothesis.flights, std, hypothesis.shift, hypothesis.own)
 
 
 def _everything(bench: Bench, about: Hypothesis) -> Hypothesis:
@@ -189,7 +186,7 @@ def _units(flights: Sequence[Rows], heldout: Bench | None, bench: Bench) -> tupl
         return f"{len(heldout.names)} other flight(s), fitted to {len(bench.names)}", whole(flights)
     if len(flights) > 1:
         return f"each of {len(flights)} flights by the others", whole(flights)
-    return "each fifth of the flight by the other four", fifths(flights[0])
+    return f"stretches of {TURN:g} s of the flight, every fifth of them by the others", fifths(flights[0])
 
 
 def _residuals(

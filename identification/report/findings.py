@@ -1,12 +1,15 @@
 """What a report is made of."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
+import numpy as np
+
+from flightlog.tables import Table
 from identification.closed_loop import Landing
 from identification.diagnosis import Diagnosis
 from identification.gain import Gain
-from identification.verdict import Asserted, Unexplained, Verdict
+from identification.verdict import Asserted, Candidate, Fitted, Unexplained, Verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,6 +20,7 @@ class Findings:
     diagnosis: Diagnosis | None  # None without a vehicle
     gain: Gain | None
     landings: Sequence[Landing] = ()
+    tables: Mapping[str, Mapping[str, Table]] = field(default_factory=dict)  # measured, by flight and topic
 
 
 def sentence(verdict: Verdict) -> str:
@@ -44,18 +48,39 @@ def _unexplained(item: Unexplained) -> str:
     return text
 
 
+def candidates(findings: Findings) -> Sequence[tuple[str, Candidate]]:
+    """All that were scored, best first, each with a name that tells it from its like."""
+    told = findings.verdict.candidates
+    own = told if findings.diagnosis is None else findings.diagnosis.verdict.candidates
+    names = own if len(own) == len(told) else told
+    found = [(label(by.name), item) for by, item in zip(names, told, strict=True) if np.isfinite(item.log_bayes_factor)]
+    return sorted(found, key=lambda pair: -pair[1].log_bayes_factor)
+
+
+def label(name: str) -> str:
+    """A name of the search as it is printed."""
+    return name.replace("#", " of ")
+
+
 def _told(cause: Asserted) -> str:
-    values = ", ".join(
-        f"{name} {value(p.value, p.std)} {'' if p.unit == '1' else p.unit + ' '}(model: {p.nominal:.4g})"
-        for name, p in cause.parameters.items()
-    )
-    text = f"{cause.name}{'' if cause.topic is None else ' of ' + cause.topic} ({cause.where}), {values}"
+    which = [f"{name} {p.value:g}" for name, p in cause.parameters.items() if fixed(p)]
+    of = [*([] if cause.topic is None else [cause.topic]), *which]
+    text = f"{cause.name}{' of ' + ', '.join(of) if of else ''} ({cause.where})"
+    for name, p in cause.parameters.items():
+        if not fixed(p):
+            unit = "" if p.unit == "1" else f"{p.unit.replace('^2', '²')} "
+            text += f", {name} {value(p.value, p.std)} {unit}(model: {p.nominal:.4g})"
     if cause.confusable_with:
         text += f", not to be told from {', '.join(cause.confusable_with)} on these flights"
-    if cause.gain is not None:
+    if cause.gain is not None and cause.gain.share_of_explainable > 0.0:
         share = 100 * cause.gain.share_of_explainable
-        text += f"; it takes {share:.0f} % of what can be explained in {cause.gain.channel}"
+        text += f"; it explains {share:.0f} % of what can be explained in {cause.gain.channel}"
     return text
+
+
+def fixed(parameter: Fitted) -> bool:
+    """Whether it only says which of several it is."""
+    return parameter.std == 0.0 and parameter.value == parameter.nominal
 
 
 def value(number: float, std: float) -> str:

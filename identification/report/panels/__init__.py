@@ -7,7 +7,7 @@ from importlib import import_module
 from identification.report.findings import Findings
 
 NAMES: tuple[str, ...] = (
-    "force", "unexplained", "headline", "structure", "channels", "evidence", "course", "detection",
+    "headline", "heights", "unexplained", "structure", "channels", "evidence", "course", "detection",
 )  # fmt: skip - in their order
 
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from identification.report.drawing import AFTER, BAND, BEFORE, QUIET, canvas, png
+from identification.report.drawing import AFTER, BAND, BEFORE, QUIET, canvas, png, rows_of
 from identification.report.findings import Findings
 
 TITLE = "Size of the innovations, channel by channel"
 CAPTION = (
-    "Root mean square over held-out rows, over the floor (all that has a name fitted to these very rows). "
-    "1: nothing is left to explain."
+    "Root mean square over held-out rows, over the floor: all that has a name fitted to these very rows, what a fit "
+    "follows by chance given back. 1: nothing is left to explain."
 )
 
 
@@ -18,7 +18,8 @@ def draw(findings: Findings) -> bytes | None:
         return None
     channels = findings.gain.channels
     figure, axes = canvas(8.0, 0.9 + 0.24 * len(channels))
-    place, y = axes[0, 0], np.arange(len(channels))[::-1]
+    place = axes[0, 0]
+    y = rows_of(place, [c.channel for c in channels])
     floor = np.array([max(c.floor, 1e-300) for c in channels])
     band = 3.0 / np.sqrt(2.0 * np.array([c.rows for c in channels]))
     place.barh(y, 2 * band, left=1.0 - band, height=0.9, color=BAND, label="chance, 3 sigma")
@@ -29,7 +30,6 @@ def draw(findings: Findings) -> bytes | None:
     for label, shape, colour, values in marks:
         place.plot(np.array(values) / floor, y, shape, ms=4, color=colour, label=label)
     place.axvline(1.0, lw=0.8, color=QUIET)
-    place.set_yticks(y, [c.channel for c in channels], fontsize=8)
     place.set_xlabel("rms over floor")
-    place.legend(fontsize=8, frameon=False)
+    place.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return png(figure)

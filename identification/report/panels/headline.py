@@ -2,49 +2,46 @@
 
 from typing import Any
 
-from identification.report.bands import Course, courses
-from identification.report.drawing import AFTER, BAND, BEFORE, canvas, png
+from identification.report.drawing import AFTER, BAND, BEFORE, canvas, png, said
 from identification.report.findings import Findings
+from identification.report.means import Course
+from identification.report.telling import telling
 
-TITLE = "Where it shows"
+TITLE = "Measured against the model"
 CAPTION = (
-    "Mean of the held-out innovations (what the model did not foresee, in standard deviations) where it departs most. "
-    "Grey-blue: where the mean lies when nothing is wrong (3 sigma)."
+    "Measured less what the model says, along the measured motion; 'std': what the filter did not foresee of a sensor, "
+    "in its standard deviations. Dots are means over all flights; grey-blue: where a mean lies when nothing is wrong "
+    "(3 sigma, gusts remembered). All that may be off anyway is fitted, with the cause as in the file and as found."
 )
-SHOWN = 3
 
 
 def draw(findings: Findings) -> bytes | None:
-    """The courses that stand out most: each channel once."""
+    """The channel and the driver of each cause."""
     chosen = telling(findings)
     if not chosen:
         return None
-    figure, axes = canvas(4.2 * len(chosen), 3.6, 1, len(chosen))
-    for place, course in zip(axes[0], chosen, strict=True):
-        curve(place, course, bool(findings.verdict.causes))
-        place.set_title(course.channel, loc="left", fontsize=10)
-    axes[0, 0].legend(fontsize=8, frameon=False)
+    several = len({item.cause for item in chosen}) > 1
+    figure, axes = canvas(max(4.2 * len(chosen), 6.4), 3.8, 1, len(chosen))
+    for place, item in zip(axes[0], chosen, strict=True):
+        before = f"without {item.cause}" if several else "model as it was"
+        curve(place, item.course, before, "extended" if item.cause else None)
+        place.set_title(f"{item.course.channel} over {item.course.driver.replace('_', ' ')}", loc="left", fontsize=10)
+        if several or item is chosen[0]:
+            place.legend(fontsize=8, frameon=False)
     return png(figure)
 
 
-def telling(findings: Findings) -> list[Course]:
-    """Of each channel the driver that shows most; the SHOWN channels that show most."""
-    if findings.gain is None:
-        return []
-    found = courses(findings.gain, [c.channel for c in findings.gain.channels])
-    weight = (lambda c: c.taken) if findings.verdict.causes else (lambda c: c.excess)
-    best: dict[str, Course] = {}
-    for course in found:
-        if course.channel not in best or weight(course) > weight(best[course.channel]):
-            best[course.channel] = course
-    return sorted(best.values(), key=weight, reverse=True)[:SHOWN]
-
-
-def curve(place: Any, course: Course, both: bool) -> None:
+def curve(place: Any, course: Course, before: str, after: str | None) -> None:
     """Band and means of one course."""
     place.fill_between(course.middles, -course.band, course.band, color=BAND, label="nothing wrong", zorder=0)
-    place.plot(course.middles, course.before, "o-", ms=3, lw=1.2, color=BEFORE, label="model as it was")
-    if both:
-        place.plot(course.middles, course.after, "o-", ms=3, lw=1.2, color=AFTER, label="extended")
+    place.axhline(0.0, lw=0.8, color="#9db4c8", zorder=1)
+    colour = BEFORE if after else AFTER
+    place.plot(course.middles, course.before, "o-", ms=3.5, lw=1.3, color=colour, label=before)
+    if after:
+        place.plot(course.middles, course.after, "o-", ms=3.5, lw=1.3, color=AFTER, label=after)
+    place.margins(y=0.15)
     place.set_xlabel(course.label)
-    place.set_ylabel("mean innovation [std]")
+    if course.unit == "std":
+        place.set_ylabel("mean innovation [std]")
+    else:
+        place.set_ylabel(f"measured less model [{said(course.unit)}]")

@@ -1,32 +1,36 @@
-"""Every channel that departs, over everything that it may depend on."""
+"""The channels of the first picture, over everything that they may depend on."""
 
-from identification.report.bands import Course, courses
-from identification.report.drawing import canvas, png
+from identification.report.bands import courses
+from identification.report.drawing import canvas, png, said
 from identification.report.findings import Findings
-from identification.report.panels.headline import curve, telling
+from identification.report.means import Course
+from identification.report.panels.headline import curve
+from identification.report.telling import telling
 
-TITLE = "Innovations over height, speed, climb, time and attitude"
-CAPTION = "Rows: the channels that depart most. Inside the band nothing shows."
-COLUMNS = ("height", "speed", "climb", "time", "roll", "pitch")
+TITLE = "The same over everything else"
+CAPTION = (
+    "The channels of the first picture. A departure over one thing shows over all that went along with it."
+)
+MOST = 6  # columns
 
 
 def draw(findings: Findings) -> bytes | None:
     """A grid of channels and drivers."""
-    chosen = [course.channel for course in telling(findings)]
-    if not chosen or findings.gain is None:
+    shown = {item.course.channel: item for item in telling(findings)}
+    if not shown or findings.gain is None:
         return None
-    by_place: dict[tuple[str, str], Course] = {
-        (c.channel, c.driver): c for c in courses(findings.gain, chosen)
-    }
-    columns = [name for name in COLUMNS if any(driver == name for _, driver in by_place)]
-    if not columns:
-        return None
-    figure, axes = canvas(2.5 * len(columns), 2.3 * len(chosen), len(chosen), len(columns), sharey="row")
-    for row, channel in zip(axes, chosen, strict=True):
-        for place, driver in zip(row, columns, strict=True):
-            if (channel, driver) in by_place:
-                curve(place, by_place[channel, driver], bool(findings.verdict.causes))
+    grid = [item.others or courses(findings.gain, [channel]) for channel, item in shown.items()]
+    names = list(dict.fromkeys(course.driver for row in grid for course in row))
+    names = [name for name in (*names[: MOST - 1], "time") if name in names][:MOST]
+    figure, axes = canvas(2.3 * len(names) + 0.6, 2.3 * len(grid), len(grid), len(names), sharey="row")
+    for places, row, item in zip(axes, grid, shown.values(), strict=True):
+        by_driver: dict[str, Course] = {course.driver: course for course in row}
+        for place, name in zip(places, names, strict=True):
+            if name in by_driver:
+                curve(place, by_driver[name], "before", "after" if item.cause else None)
             place.set_ylabel("")
             place.tick_params(labelsize=7)
-        row[0].set_ylabel(channel)
+            place.xaxis.label.set_size(8)
+            place.locator_params(axis="x", nbins=4)
+        places[0].set_ylabel(f"{item.course.channel} [{said(item.course.unit)}]", fontsize=8)
     return png(figure)

@@ -18,7 +18,7 @@ def draw(findings: Findings) -> bytes | None:
     if not shown:
         return None
     forms = {(f.way.name, f.driver): f.form for f in findings.diagnosis.unknown} if findings.diagnosis else {}
-    figure, axes = canvas(4.2 * len(shown), 3.6, 1, len(shown))
+    figure, axes = canvas(max(4.2 * len(shown), 6.4), 3.8, 1, len(shown))
     for place, item in zip(axes[0], shown, strict=True):
         curve = item.curve
         assert curve is not None

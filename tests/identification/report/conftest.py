@@ -23,7 +23,8 @@ CAUSES = ("ground_effect", "thrust_scale", "baro_drift", "mass")
 class LinearBench:
     """Three flights of 60 s, two channels: a force that follows the height, a height that follows the time."""
 
-    def __init__(self, true: Mapping[str, float], flights: int = 3, seed: int = 5) -> None:
+    def __init__(self, true: Mapping[str, float], flights: int = 3, seed: int = 5, landing: bool = False) -> None:
+        """landing: the height only falls."""
         self.vehicle = vehicle.load("raptor90")
         self.names = [f"flight-{i}" for i in range(flights)]
         self.causes = [CATALOGUE[name] for name in CAUSES]
@@ -36,11 +37,14 @@ class LinearBench:
         noise = {"baro.altitude": (0.1, "m"), "force_z": (0.05, "m/s^2")}
         self.baseline = Baseline(True, None, noise, {"wind_e": 1.0, "wind_n": 0.0, "gust_std": 0.3})
         rng = np.random.default_rng(seed)
+        self._landing = landing
         self._rows = [self._fly(rng, true) for _ in range(flights)]
 
     def _fly(self, rng: np.random.Generator, true: Mapping[str, float]) -> tuple[Rows, Any]:
         t = np.linspace(0.0, 60.0, 600)
         height = 5.0 + 4.5 * np.cos(t / rng.uniform(4.0, 9.0))
+        if self._landing:
+            height = 30.0 - 0.495 * t
         nothing = np.zeros(600)
         signatures = {
             GAIN: np.append(nothing, 25.0 * np.exp(-height)),
@@ -54,7 +58,9 @@ class LinearBench:
             residual = residual + signatures[key] * (value - self.nominal[key])
         channel = np.repeat(np.array([1, 102]), 600)
         rows = Rows(residual, signatures, local, np.array([0.3]), channel, np.tile(t, 2))
-        return rows, {"height": ("height [m]", t, height), "time": ("time [s]", t, t)}
+        roll = np.sin(0.9 * t)
+        drivers = {"height": ("height [m]", t, height), "roll": ("roll [deg]", t, roll), "time": ("time [s]", t, t)}
+        return rows, drivers
 
     def rows(self, flight: int, changes: Mapping[str, float], fresh: Collection[str] = ()) -> Rows:
         r = self._rows[flight][0]
@@ -70,8 +76,8 @@ class LinearBench:
         return self._rows[flight][1]
 
 
-def examined(true: Mapping[str, float], flights: int = 3, seed: int = 5) -> Diagnosis:
-    bench = LinearBench(true, flights, seed)
+def examined(true: Mapping[str, float], flights: int = 3, seed: int = 5, landing: bool = False) -> Diagnosis:
+    bench = LinearBench(true, flights, seed, landing)
     search = Search(bench)
     best = search.run()
     noise = {name: Number(value, unit) for name, (value, unit) in bench.baseline.noise.items()}

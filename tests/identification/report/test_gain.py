@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from identification.folds import Hypothesis, Unit, fifths, predict, whole
+from identification.folds import Hypothesis, Unit, fifths, fitted, predict, whole
 from identification.gain import compare, measure, of_each
 from identification.stack import Rows
 
@@ -95,14 +95,49 @@ def test_a_right_cause_gains_in_its_channel_on_what_was_not_fitted(diagnosed: An
     assert of_each(diagnosis, gain)["ground_effect"].channel == "force_z"
 
 
-def test_one_flight_is_judged_by_fifths_and_other_flights_by_themselves(diagnosed: Any) -> None:
+def test_one_flight_is_judged_by_its_stretches_and_other_flights_by_themselves(diagnosed: Any) -> None:
     one = diagnosed({"terms.ground_effect.gain": 3.0}, flights=1)
-    assert "fifth" in measure(one).how
+    assert "stretches" in measure(one).how
     others = diagnosed({"terms.ground_effect.gain": 3.0}, flights=2, seed=9).bench
     apart = measure(one, others)
     assert "other flight" in apart.how
     assert [item.flight for item in apart.residuals] == others.names
     assert apart.holds
+
+
+def test_what_shows_only_at_the_end_of_a_landing_is_gained_there(diagnosed: Any) -> None:
+    """Each stretch held out must be told by others that have seen the ground too."""
+    diagnosis = diagnosed({"terms.ground_effect.gain": 2.0}, flights=1, landing=True)
+    gain = measure(diagnosis)
+    best = gain.best()
+    assert best is not None
+    assert best.channel == "force_z"
+    assert best.log_likelihood > 20.0
+    assert best.share_of_explainable > 0.8
+    assert best.ratio_ci95[1] < 1.0
+
+
+def test_the_gain_of_channels_is_that_of_the_whole(diagnosed: Any) -> None:
+    """Where what gives way has no tolerance, both are the same but for what nuisances spend."""
+    gain = measure(diagnosed({"sensors.baro.drift_rate": 0.03}))
+    assert sum(c.log_likelihood for c in gain.channels) == pytest.approx(gain.log_likelihood, rel=0.1)
+
+
+def test_the_floor_gives_back_what_a_fit_follows_by_chance() -> None:
+    """With a third of as many free numbers as rows the plain residual is a fifth too small; the floor is not."""
+    rng, found, plain = np.random.default_rng(6), [], []
+    for _ in range(40):
+        x = rng.standard_normal((120, 40)) * 3.0
+        rows = Rows(
+            x @ rng.standard_normal(40) + rng.standard_normal(120), {str(i): x[:, i] for i in range(40)},
+            np.zeros((120, 0)), np.zeros(0), np.zeros(120, np.int64), np.arange(120.0),
+        )  # fmt: skip
+        left = fitted(Hypothesis([rows], {str(i): 1.0 for i in range(40)}, {}), whole([rows])[0])
+        found.append(np.mean(left**2))
+        own = rows.residual - x @ np.linalg.lstsq(x, rows.residual, rcond=None)[0]
+        plain.append(np.mean(own**2))
+    assert np.mean(found) == pytest.approx(1.0, abs=0.06)
+    assert np.mean(plain) < 0.75
 
 
 def test_a_wrong_cause_does_not_gain(diagnosed: Any) -> None:

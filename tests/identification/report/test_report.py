@@ -38,6 +38,7 @@ def test_a_cause_is_told_in_a_sentence_a_picture_and_a_table(diagnosed: Any, tmp
     images = Images()
     images.feed(page)
     assert len(images.found) >= 5
+    assert text.index("figures/headline.png") == text.index("figures/")
     assert all(source.startswith("data:image/png;base64,") for source in images.found)
     assert "&lt;note&gt;" in page
     for link in re.findall(r"\]\((figures/[^)]+)\)", text):
