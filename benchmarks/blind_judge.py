@@ -19,7 +19,8 @@ from identification.normal import refit_to
 from identification.search import Search
 from identification.stack import stack
 from sim.kinds import AnyVehicle, load
-from tests.blind.injector import Answer, Kind, Set, make
+from sim.multirotor import Multirotor
+from tests.blind.injector import Answer, Kind, Set, Told, make
 from tests.blind.kits import file_of
 
 MEGA = 1024.0  # kilobytes of ru_maxrss
@@ -119,7 +120,7 @@ def record(
 ) -> Record:
     """Verdict and answer side by side."""
     verdict = found.verdict
-    true = {true_name(found, e.name, e.which): dict(e.values) for e in answer.effects}
+    true = {true_name(found, e.name, e.which): told(found, e, answer, made, nominal) for e in answer.effects}
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MEGA
     gain, oracle = worth(found, made, nominal, true) if made.heldout else (None, None)
     order = [candidate.name for candidate in verdict.candidates]
@@ -151,6 +152,21 @@ def record(
         gain=gain,
         oracle=oracle,
     )  # fmt: skip
+
+
+def told(found: Diagnosis, effect: Told, answer: Answer, made: Set, nominal: AnyVehicle) -> dict[str, float]:
+    """The true values of an effect, as flights can tell them.
+
+    Of a multirotor flights tell thrust over mass alone. Where the nominal file was refitted to flights of this very
+    machine, it goes on having the mass that it was given, and the others count by that.
+    """
+    values = dict(effect.values)
+    if made.normal and isinstance(nominal, Multirotor):
+        heavier = answer.before["numbers"]["mass"] / nominal.mass
+        name = true_name(found, effect.name, effect.which)
+        keys = {p.name: p.key for p in found.search.causes[name].parameters} if name in found.search.causes else {}
+        values |= {n: v / heavier for n, v in values.items() if keys.get(n) in ("mass", "terms.thrust.scale")}
+    return values
 
 
 def true_name(found: Diagnosis, name: str, which: str) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from flightlog.constants import GRAVITY
 from flightlog.tables import Table
 from identification import evidence as ev
 from identification.bench import Baseline, Bench, Channel
@@ -12,7 +13,8 @@ from identification.causes.contract import Cause
 from identification.multirotor import noise as nz
 from identification.multirotor import quick
 from identification.multirotor.causes import testable
-from identification.multirotor.flight import CHANNELS, UNITS, Flight, has_imu, prepare
+from identification.multirotor.flight import Flight, has_imu, prepare
+from identification.multirotor.motion import CHANNELS, UNITS
 from identification.multirotor.quick import Moving
 from identification.stack import Rows, stack
 from sim.multirotor.file import Multirotor
@@ -24,6 +26,10 @@ BELIEF = 4  # flights that the declared repeatability counts for
 FITS = 3  # rounds of the fit to normal flights
 WIDE = 1.0  # of a cause's spread, for what such a fit may move
 SURE = 0.02  # of a prior, where none is declared, is how well a balance repeats
+ORDER = {True: 3, False: 4}  # nodes of the noise's memory, by whether accelerations come from an estimate
+MADE = 0.04  # [s] speed that gusts make depends on them: times their square over that of the speed, [1/s] of false drag
+STILL = 1e-4  # [m^2/s^2] of speed, at least
+DRAG, CLIMB = "terms.drag.linear", "terms.inflow.climb"
 BIAS = 0.05  # [m/s^2] of an inertial sensor's force
 STEP = 0.2  # of a prior, for a derivative
 REPEATED = {"thrust": ("terms.thrust.scale",), "cg": ("terms.cg_offset.x", "terms.cg_offset.y"),
@@ -38,6 +44,7 @@ CHARGED = (
 )
 DRIVERS = {"time": "s", "height": "m", "speed": "m/s", "voltage": "V"}
 REFERENCE = "terms.battery_sag.reference"
+EARLY = 3.0  # standard deviations of a stamp, by which commands may act before it
 WHITE = 0.25  # largest correlation of neighbours among what is left of a channel
 
 
@@ -103,7 +110,7 @@ class MultirotorBench:
         found = self._balance(flight, changes, fresh)
         if self._moving is None:
             return found
-        return _both(found, self._moving.rows(flight, changes, bool({*quick.KEYS} & {*fresh}), list(self.nominal)))
+        return _both(found, self._moving.rows(flight, changes, list(self.nominal)))
 
     def _balance(self, flight: int, changes: Mapping[str, float], fresh: Collection[str] = ()) -> Rows:
         """The rows about the balance."""
@@ -121,9 +128,10 @@ class MultirotorBench:
         )
 
     def bounded(self, key: str, value: float) -> float:
-        """See `Bench.bounded`."""
+        """See `Bench.bounded`; commands may be stamped late, and a file's delay is none below nothing."""
         number = self.vehicle.numbers[key]
-        return min(max(value, number.low), number.high)
+        low = -EARLY * self.tolerances[key] if key == quick.DELAY and key in self.tolerances else number.low
+        return min(max(value, low), number.high)
 
     def nominal_fit(self) -> tuple[list[str], list[float], Floats]:
         """What normal flights tell of this airframe: keys, values, covariance.
@@ -291,6 +299,11 @@ class MultirotorBench:
             for axis in range(3):
                 columns.append([np.full(len(item.t), float(s.channel == axis)) for s in item.seen])
                 std.append(BIAS)
+            gust = float(np.mean([self._noise[axis].lags[0] for axis in range(3)]))
+            for key, unit, axes in ((DRAG, self.vehicle.mass, (0, 1)), (CLIMB, 1.0 / GRAVITY, (2,))):
+                columns.append(slopes[key] if key in slopes else [np.zeros(len(item.t)) for _ in item.seen])
+                speed = item.inputs.velocity[item.flown][:, axes].var(axis=0).mean()
+                std.append(unit * MADE * gust / max(float(speed), STILL))
         return columns, np.array(std)
 
     def _fit_noise(self) -> dict[int, nz.Autoregression]:
@@ -299,10 +312,15 @@ class MultirotorBench:
         channels = [s.channel for s in self.flights[0].seen]
         first = [self._residual(i, {}) for i in range(len(self.flights))]
         spans = [flight.spans for flight in self.flights]
-        self._noise = {channel: nz.white([parts[c] for parts in first], spans) for c, channel in enumerate(channels)}
+        order = ORDER[self.flights[0].by_estimate]
+        self._noise = {
+            channel: nz.white([parts[c] for parts in first], spans, order) for c, channel in enumerate(channels)
+        }
         for _ in range(ROUNDS):
             left = self._left(wide)
-            self._noise = {channel: nz.fit([parts[c] for parts in left], spans) for c, channel in enumerate(channels)}
+            self._noise = {
+                channel: nz.fit([parts[c] for parts in left], spans, order) for c, channel in enumerate(channels)
+            }
             self._whitened = [None for _ in self.flights]
         return dict(self._noise)
 

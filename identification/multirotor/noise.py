@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 
 ORDER = 3  # nodes, where nothing else is said
 RIDGE = 1e-3  # of the variance, white, so that a differentiated signal has an inverse
-BLOCK = 7  # nodes that are averaged to see what slow noise the autoregression has missed
+BLOCK = 14  # nodes that are averaged to see what slow noise the autoregression has missed
 
 Spans = Sequence[tuple[int, int]]
 

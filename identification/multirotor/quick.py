@@ -3,6 +3,8 @@
 Commands answer what the sensor saw, its noise included, so the model is judged by innovations: what is left of the
 accelerations is whitened by its own past (a long autoregression), and a command is known before what it causes. Beside
 lag and delay everything is free that could be taken for them: every rotor's slope, the inertia, an offset and a drift.
+Commands are delayed along a cubic spline: straight lines between them would smooth what is late by half a step, and a
+smoother command, with less of the sensors' noise in it, explains better whether it is late or not.
 
 Whoever flies by better sensors than those that were logged answers gusts before the log shows them. Where most of what
 the commands do is such an answer, lag and delay come out wrong, by up to 33 and 12 ms in simulated hovers (more where
@@ -10,35 +12,40 @@ the control hardly damps); doublets tell them to a millisecond. So a flight is j
 the moments only, and leaves lag and delay open, the more the larger that share.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import shift, uniform_filter1d
 
 from flightlog.tables import Table
 from identification.multirotor import noise as nz
-from identification.multirotor.flight import IMU, Flight, on
+from identification.multirotor.flight import Flight
+from identification.multirotor.motion import IMU, on
 from identification.stack import Rows
 from sim.multirotor.file import Multirotor
-from sim.multirotor.model import answer
+from sim.multirotor.model import Inputs, answer
 
 Floats = NDArray[np.float64]
+NoiseFit = Callable[[Sequence[Floats], Sequence[nz.Spans], int], nz.Autoregression]
 
 TAU, DELAY = "terms.motor.tau", "terms.motor.delay"
 KEYS = TAU, DELAY
 SEEN = 2, 3, 4, 5  # channels: along the rotors' axis and all moments
 STEP = 0.01  # [s]
 ORDER = 16  # steps of the autoregression
-ROUNDS = 3  # of the fit of noise and numbers
+ROUNDS = 5  # of the fit of noise and numbers
 SLOPE = 0.15  # of a rotor's thrust about the hover, and of the inertia
 ANYWHERE = 3.0  # times the spread of what was measured: offset and drift
-FREE = 0.05  # [s] of lag and delay while the noise is fitted
-STALE = 0.003  # [s] from where slopes were taken, beyond which they are taken anew
-NUDGE = 0.005  # [s] for a derivative
+FREE = 0.05  # [s] of lag and delay, a round of that
+FARTHEST = 0.02  # [s] to go in it
+WITHIN = {TAU: (0.0, 0.5), DELAY: (-0.02, 0.5)}  # [s]
+NUDGE = 0.001  # [s] either way for a derivative
+CALM = 0.2  # [s] over which speed is averaged: its noise makes moments where thrust moves with it
 SLOW = 10  # steps that are averaged to compare gusts with commands
 # [s] by which lag and delay are open on a flight: at least, and times a power of the share of gusts over commands
-OPEN = {TAU: (0.01, 0.5), DELAY: (0.003, 0.3)}
+OPEN = {TAU: (0.004, 0.5), DELAY: (0.002, 0.3)}
 POWER = 1.5
 QUIET = 0.07  # of that share, up to which a flight is judged
 STAMPED = 0.3  # of a step between logged commands, by which their stamps are uncertain: when in it they were sent
@@ -49,6 +56,7 @@ class Quick:
     """One flight: C channels, B steps in the air."""
 
     flight: Flight
+    inputs: Inputs  # the flight's, without the noise of its speed
     block: int  # samples of the flight's inputs that are a step
     first: NDArray[np.int64]  # (B,) sample at which each step begins
     spans: Sequence[tuple[int, int]]  # first step of each stretch, and the one behind its last
@@ -59,8 +67,16 @@ class Quick:
 
     def expected(self, craft: Multirotor, changes: Mapping[str, float]) -> Floats:
         """What the model answers (C, B)."""
-        samples = answer(craft, craft.values(changes), self.flight.inputs)[:, SEEN]
-        return np.asarray(samples[self.first[:, None] + np.arange(self.block)].mean(axis=1).T)
+        values, inputs = craft.values(changes), self.inputs
+        if (late := values[DELAY] / inputs.step) != 0.0:
+            inputs = replace(inputs, commands=shift(inputs.commands, (late, 0.0), order=3, mode="nearest"))
+        samples = answer(craft, values | {DELAY: 0.0}, inputs)[:, SEEN]
+        within = self.first[:, None] + np.arange(self.block)
+        found = samples[within].mean(axis=1)
+        # rates at either end of a step tell the mean of the moments between, forces are told at the samples themselves
+        behind = np.minimum(within + 1, len(samples) - 1)
+        found[:, 1:] = 0.5 * (found[:, 1:] + samples[behind, 1:].mean(axis=1))
+        return np.asarray(found.T)
 
 
 def prepare(flight: Flight, tables: Mapping[str, Table], craft: Multirotor) -> Quick:
@@ -83,11 +99,13 @@ def prepare(flight: Flight, tables: Mapping[str, Table], craft: Multirotor) -> Q
         imu[2][at[:, None] + np.arange(block)].mean(axis=1),
         *((rate[np.minimum(at + block, len(grid) - 1)] - rate[at]) / length for rate in imu[3:]),
     ])  # fmt: skip
+    width = max(round(CALM / inputs.step), 1)
+    inputs = replace(inputs, velocity=uniform_filter1d(inputs.velocity, width, axis=0, mode="nearest"))
     bare = Quick(
-        flight, block, at, spans, grid[at] + 0.5 * length, measured, np.zeros((0, *measured.shape)), np.zeros(0)
+        flight, inputs, block, at, spans, grid[at] + 0.5 * length, measured, np.zeros((0, *measured.shape)), np.zeros(0)
     )
     local, std = _beside(bare, craft)
-    return Quick(flight, block, at, spans, bare.t, measured, local, std)
+    return Quick(flight, inputs, block, at, spans, bare.t, measured, local, std)
 
 
 def _beside(item: Quick, craft: Multirotor) -> tuple[Floats, Floats]:
@@ -110,43 +128,59 @@ def _beside(item: Quick, craft: Multirotor) -> tuple[Floats, Floats]:
 
 
 class Moving:
-    """The quick motion of all flights, with its noise."""
+    """The quick motion of all flights, with its noise.
+
+    A flight tells lag and delay far more sharply than anything is believed of them beforehand. Every flight is
+    therefore linear about its own best values, whatever is wrong with the vehicle.
+    """
 
     def __init__(self, items: Sequence[Quick], craft: Multirotor, like: "Moving | None" = None) -> None:
-        """Fit the noise, unless it is to be `like` another's."""
+        """Fit each flight, and the noise, unless that is to be `like` another's."""
         self.items = items
         self._craft = craft
-        self._slopes: list[dict[str, Floats]] = [self.slopes(i, {}) for i in range(len(items))]
         usual = craft.values()
-        self._about = [np.array([usual[key] for key in KEYS]) for _ in items]
-        self._whitened: list[Floats | None] = [None for _ in items]
-        self.noise: Sequence[nz.Autoregression] = like.noise if like is not None else self._fit()
-        self._shares = [self._answered(i) for i in range(len(items))]
+        self._own: list[dict[str, float]] = [{key: usual[key] for key in KEYS} for _ in items]
+        self._slopes: list[Floats] = [self.slopes(i) for i in range(len(items))]
+        left = [item.measured - item.expected(craft, {}) for item in items]
+        self.noise: Sequence[nz.Autoregression] = like.noise if like is not None else self._noise(left, nz.white)
+        for _ in range(ROUNDS):
+            left = [self._improved(i) for i in range(len(items))]
+            if like is None:
+                self.noise = self._noise(left, nz.fit)
+        self._shares = [self._answered(i, left[i]) for i in range(len(items))]
+        self._known: list[tuple[Floats, Floats] | None] = [None for _ in items]
 
-    def slopes(self, flight: int, changes: Mapping[str, float]) -> dict[str, Floats]:
-        """What a second more of lag and delay does (C, B), about some numbers."""
-        item, values = self.items[flight], self._craft.values(changes)
-        base = item.expected(self._craft, values)
-        return {key: (item.expected(self._craft, values | {key: values[key] + NUDGE}) - base) / NUDGE for key in KEYS}
+    def slopes(self, flight: int) -> Floats:
+        """What a second more of lag and delay does (2, C, B), about the flight's own."""
+        item, own, found = self.items[flight], self._own[flight], []
+        for key in KEYS:
+            ahead, behind = own[key] + NUDGE, own[key] - NUDGE
+            if key == TAU:
+                behind = max(behind, 0.0)
+            there, here = (item.expected(self._craft, own | {key: value}) for value in (ahead, behind))
+            found.append((there - here) / (ahead - behind))
+        return np.array(found)
 
-    def rows(self, flight: int, changes: Mapping[str, float], fresh: bool, keys: Sequence[str]) -> Rows:
+    def rows(self, flight: int, changes: Mapping[str, float], keys: Sequence[str]) -> Rows:
         """Whitened rows, none of a flight that is not judged; numbers other than lag and delay do nothing here."""
-        item = self.items[flight]
+        item, own = self.items[flight], self._own[flight]
         if self._shares[flight] > QUIET:
             none = np.zeros(0)
             return Rows(none, dict.fromkeys(keys, none), np.zeros((0, 0)), none, np.zeros(0, np.int64), none)
-        own = {key: value for key, value in changes.items() if key in KEYS}
-        values = self._craft.values(own)
-        here = np.array([values[key] for key in KEYS])
-        if fresh or np.abs(here - self._about[flight]).max() > STALE:
-            self._slopes[flight], self._about[flight] = self.slopes(flight, own), here
-            self._whitened[flight] = None
-        left = item.measured - item.expected(self._craft, own)
-        local = self._columns(flight)
-        signatures = dict(zip(KEYS, local[:, -len(KEYS) :].T.copy(), strict=True))
-        nothing = np.zeros(left.size)
+        known = self._known[flight]
+        if known is None:
+            left = item.measured - item.expected(self._craft, own)
+            local = np.concatenate([item.local, self._slopes[flight]])
+            known = self._known[flight] = (
+                self._white(item, left[..., None])[:, 0], self._white(item, np.moveaxis(local, 0, -1))
+            )  # fmt: skip
+        left, local = known
+        late = local[:, -len(KEYS) :]
+        values = self._craft.values({key: value for key, value in changes.items() if key in KEYS})
+        signatures = dict(zip(KEYS, late.T.copy(), strict=True))
+        nothing = np.zeros(len(left))
         return Rows(
-            residual=self._white(item, left[..., None])[:, 0],
+            residual=left - late @ np.array([values[key] - own[key] for key in KEYS]),
             signatures={key: signatures.get(key, nothing) for key in keys},
             local=local,
             local_std=np.r_[item.local_std, self._open(flight)],
@@ -159,8 +193,8 @@ class Moving:
         """Whether any flight is judged."""
         return any(share <= QUIET for share in self._shares)
 
-    def _answered(self, flight: int) -> float:
-        """Share of the moments about the level axes that gusts make, over what commands make."""
+    def _answered(self, flight: int, left: Floats) -> float:
+        """Share of the moments about the level axes that gusts make (left over), over what commands make."""
         item = self.items[flight]
         usual = item.expected(self._craft, {})
 
@@ -168,44 +202,31 @@ class Moving:
             whole = parts[1:3, : parts.shape[1] // SLOW * SLOW]
             return np.asarray(whole.reshape(2, -1, SLOW).mean(axis=2).var(axis=1))
 
-        return float(np.mean(np.minimum(power(self._without(flight)) / np.maximum(power(usual), 1e-12), 1.0)))
+        return float(np.mean(np.minimum(power(left) / np.maximum(power(usual), 1e-12), 1.0)))
 
     def _open(self, flight: int) -> Floats:
         """(2,) [s] by which a flight leaves lag and delay open."""
         grown = self._shares[flight] ** POWER
         return np.array([max(least, grown * most) for least, most in (OPEN[key] for key in KEYS)])
 
-    def _columns(self, flight: int) -> Floats:
-        """(R, L) whitened: what is free beside, lag and delay; as long as slopes and noise are the same."""
-        known = self._whitened[flight]
-        if known is None:
-            item, slopes = self.items[flight], self._slopes[flight]
-            columns = np.concatenate([item.local, np.array([slopes[key] for key in KEYS])])
-            known = self._whitened[flight] = self._white(item, np.moveaxis(columns, 0, -1))
-        return known
-
     def _white(self, item: Quick, parts: Floats) -> Floats:
         """(C, B, L) -> (R, L)."""
         return np.concatenate([self.noise[c].whiten(part, item.spans) for c, part in enumerate(parts)])
 
-    def _fit(self) -> Sequence[nz.Autoregression]:
-        """Noise from what is left once everything was set free."""
-        left = [item.measured - item.expected(self._craft, {}) for item in self.items]
+    def _noise(self, left: Sequence[Floats], how: NoiseFit) -> Sequence[nz.Autoregression]:
+        """Noise of each channel from what flights leave (C, B)."""
         spans = [item.spans for item in self.items]
-        for turn in range(ROUNDS + 1):
-            parts = [[part[c] - part[c].mean() for part in left] for c in range(len(SEEN))]
-            self.noise = [nz.fit(part, spans, ORDER) if turn else nz.white(part, spans, ORDER) for part in parts]
-            self._whitened = [None for _ in self.items]
-            if turn < ROUNDS:
-                left = [self._without(i) for i in range(len(self.items))]
-        return self.noise
+        return [how([part[c] - part[c].mean() for part in left], spans, ORDER) for c in range(len(SEEN))]
 
-    def _without(self, flight: int) -> Floats:
-        """What is left of a flight (C, B) about its own best lag, delay and all the rest."""
-        item, slopes = self.items[flight], self._slopes[flight]
-        columns = np.concatenate([item.local, np.array([slopes[key] for key in KEYS])])
+    def _improved(self, flight: int) -> Floats:
+        """Bring a flight's lag and delay nearer to its own best values, all the rest free; what is left (C, B)."""
+        item, own = self.items[flight], self._own[flight]
+        columns = np.concatenate([item.local, self._slopes[flight]])
         std = np.concatenate([item.local_std, np.full(len(KEYS), FREE)])
-        left = item.measured - item.expected(self._craft, {})
-        full = self._columns(flight) * std
+        left = item.measured - item.expected(self._craft, own)
+        full = self._white(item, np.moveaxis(columns, 0, -1)) * std
         solved = np.linalg.solve(np.eye(len(std)) + full.T @ full, full.T @ self._white(item, left[..., None])[:, 0])
+        for key, step in zip(KEYS, std[-len(KEYS) :] * solved[-len(KEYS) :], strict=True):
+            own[key] = float(np.clip(own[key] + np.clip(step, -FARTHEST, FARTHEST), *WITHIN[key]))
+        self._slopes[flight] = self.slopes(flight)
         return np.asarray(left - np.tensordot(std * solved, columns, axes=1))

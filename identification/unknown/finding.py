@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 MOST = 3  # effects
 POINTS = 25  # of a curve
 HELD = 5.0  # [nats] that a curve must gain where it was not fitted
+NEARLY = 0.8  # of the log evidence of causes and effect together
 THIRDS, BLOCK = 3, 4.0  # [s]
 
 
@@ -151,9 +152,14 @@ class _Finder:
         return total
 
     def _drop(self, names: Names, effects: Sequence[Effect], place: Place, score: Weighed) -> Names:
-        """Leave out causes that gain nothing any more once the effect is there."""
+        """Leave out causes that gain nothing any more once the effect is there.
+
+        Not where they take nearly all by themselves: then the effect is but what their form leaves.
+        """
         both = [*effects, Effect(place, score.std)]
         here = self._nats(names, both)
+        if self._search.gain(names) > NEARLY * here:
+            return names
         while names:
             tried = {n: tuple(m for m in names if m != n) for n in names}
             values = {n: self._nats(rest, both) for n, rest in tried.items()}

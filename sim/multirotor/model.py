@@ -46,8 +46,9 @@ def thrusts(craft: Multirotor, numbers: Mapping[str, float], inputs: Inputs) -> 
         found = np.column_stack([np.interp(c, *t.T) for c, t in zip(commands.T, craft.tables, strict=True)])
     tau = numbers["terms.motor.tau"]
     if tau > 0.0:
-        keep = np.exp(-inputs.step / tau)
-        found, _ = lfilter([1.0 - keep], [1.0, -keep], found, axis=0, zi=keep * found[:1])
+        keep = np.exp(-inputs.step / tau)  # along straight lines from sample to sample: neither early nor late
+        here = 1.0 - (1.0 - keep) * tau / inputs.step
+        found, _ = lfilter([here, 1.0 - keep - here], [1.0, -keep], found, axis=0, zi=(1.0 - here) * found[:1])
     scale = np.array([numbers[f"rotors.{i}.thrust_scale"] for i in range(craft.rotors)])
     low = np.nan_to_num(inputs.voltage - numbers["terms.battery_sag.reference"])
     sagged = np.maximum(1.0 + numbers["terms.battery_sag.sag"] * low, 0.0)

@@ -43,6 +43,7 @@ class Answer:
     without: tuple[str, ...]  # topics that were left out
     stress: bool
     document: Mapping[str, Any] = field(repr=False)  # vehicle file of what flew, foreign terms left out
+    before: Mapping[str, Any] = field(repr=False)  # the same with nothing wrong
     shows: tuple[str, str] | None = None  # of an unknown effect: channel, what it depends on
 
     @property
@@ -120,7 +121,8 @@ def make(
     before = [str(name) for name in rng.choice(list(kit.plans), normal)]
     answer = Answer(
         seed, kind, vehicle, tuple(Told(e.name, e.where, e.form, dict(e.values), e.which) for e in effects),
-        tuple(todo), tuple(without), stress, kit.document(flying), shows,
+        tuple(todo), tuple(without), stress, kit.document(flying), kit.document(true),
+        shows,
     )  # fmt: skip
 
     folder.mkdir(parents=True)

@@ -20,6 +20,7 @@ from tests.blind.plans import PLANS, weather
 
 Rng = np.random.Generator
 HELD_FOR = 30.0  # [s] that a pilot must hold a vehicle
+SMALLER = 0.85  # of an effect, where the pilot could not hold it
 HERE = Path(__file__).parent / "vehicles"
 
 
@@ -166,13 +167,27 @@ class QuadrotorKit(_ByNumbers):
         """See `Kit.draw`; drawn again where the pilot cannot hold it."""
         for _ in range(draws.TRIES):
             found = super().draw(rng)
-            trial = quad_flights.plan_of("turn", self.nominal, np.random.default_rng(0), HELD_FOR)
-            try:
-                quad_flights.fly(trial, self.nominal, found.numbers, {}, np.random.default_rng(1))
-            except quad_flights.Toppled:
-                continue
-            return found
+            if self._held(found, "turn"):
+                return found
         raise RuntimeError(f"{self.nominal.path}: nothing that flies in {draws.TRIES} draws")
+
+    def effect(self, draw: Any, craft: Numbers, rng: Rng, share: float) -> Effect:
+        """See `Kit.effect`; less of it where the pilot cannot hold what there is."""
+        for _ in range(draws.TRIES):
+            found = super().effect(draw, craft, rng, share)
+            if all(self._held(self.inject(craft, [found]), plan) for plan in quad_flights.NAMES):
+                return found
+            share *= SMALLER
+        raise RuntimeError(f"{self.nominal.path}: {found.name} topples it in {draws.TRIES} draws")
+
+    def _held(self, craft: Numbers, plan: str) -> bool:
+        """Whether the pilot holds it through a plan."""
+        trial = quad_flights.plan_of(plan, self.nominal, np.random.default_rng(0), HELD_FOR)
+        try:
+            quad_flights.fly(trial, self.nominal, craft.numbers, craft.otherwise, np.random.default_rng(1))
+        except quad_flights.Toppled:
+            return False
+        return True
 
     def fly(
         self, craft: Numbers, plan: str, duration_s: float, seed: int, folder: Path, wrong: Sequence[Effect],

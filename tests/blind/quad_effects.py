@@ -45,9 +45,12 @@ def _cg_offset(craft: Multirotor, true: Numbers, rng: Rng, share: float) -> Effe
 
 def _thrust_scale(craft: Multirotor, true: Numbers, rng: Rng, share: float) -> Effect:
     value = true["terms.thrust.scale"] * (1.0 + share * signed(rng, 0.1, 0.2))
-    if rng.random() < 0.5:  # propellers of another curve, which about the hover give so much
-        return Effect("thrust_scale", "plant", "curve", values={"scale": value}, numbers={"terms.thrust.scale": value},
-                      otherwise={"curve": 0.15 * signed(rng, 0.5, 1.0)})  # fmt: skip
+    if rng.random() < 0.5:  # propellers of another curve, which where they carry the weight give another share
+        power = 0.15 * signed(rng, 0.5, 1.0)
+        each = float(np.mean([true[f"rotors.{i}.thrust_scale"] for i in range(craft.rotors)]))
+        there = value * (true["mass"] / craft.mass / (value * each)) ** (power / (1.0 + power))
+        return Effect("thrust_scale", "plant", "curve", values={"scale": there}, numbers={"terms.thrust.scale": value},
+                      otherwise={"curve": power})  # fmt: skip
     return Effect("thrust_scale", "plant", "catalogue", values={"scale": value}, numbers={"terms.thrust.scale": value})
 
 
