@@ -15,6 +15,7 @@ LEAST = 8  # rows in a bin
 MEMORY = 5.0  # [s] of gusts
 SLOW = (0.2, 1.0)  # [s] lags at which only what remembers still shows
 SIGMAS = 3.0  # of the band
+NEARER = 0.7  # of a mean that departs, to which the cause must bring it
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +39,9 @@ class Course:
 
     @property
     def departs(self) -> bool:
-        """Whether a mean before lies outside the band."""
-        return bool(np.any(np.abs(self.before) > self.band))
+        """Whether a mean before lies outside the band and comes clearly nearer to nothing."""
+        was, now = np.abs(self.before), np.abs(self.after)
+        return bool(np.any((was > self.band) & (now < NEARER * was)))
 
     @property
     def taken(self) -> float:

@@ -14,7 +14,7 @@ from identification.report.bands import courses
 from identification.report.drivers import RATES, STICKS
 from identification.report.findings import Findings
 from identification.report.means import Course
-from identification.report.unforeseen import at_rest, curves
+from identification.report.unforeseen import at_rest, curves, lacking
 from identification.verdict import Asserted
 
 SHOWS = 0.2  # of the nats that the best driver takes, which another must take to be shown
@@ -51,8 +51,10 @@ def telling(findings: Findings) -> tuple[Shown, ...]:
         rest = tuple(n for n in diagnosis.causes if n != name)
         bench, search, channel = diagnosis.bench, diagnosis.search, (cause.gain or most).channel
         own = {p.key for p in search.causes[name].parameters}
-        lacking = curves(bench, at_rest(bench, search.fit(rest), own), search.fit(diagnosis.causes))
-        ways = ([c for c in lacking if c.channel == channel], courses(gain, [channel]))
+        ways = (
+            curves(bench, at_rest(bench, search.fit(rest), own), search.fit(diagnosis.causes), [channel]),
+            courses(gain, [channel]),
+        )
         chosen = [(best, way) for way in ways if (best := choose(way)) is not None]
         if chosen:
             best, way = next((pair for pair in chosen if pair[0].departs), chosen[0])
@@ -87,7 +89,7 @@ def calm(findings: Findings) -> list[Shown]:
     assert findings.diagnosis is not None
     assert findings.gain is not None
     null = findings.diagnosis.search.null
-    found = curves(findings.diagnosis.bench, null, null)
+    found = curves(findings.diagnosis.bench, null, null, lacking(findings.diagnosis.bench))
     if not found:
         found = courses(findings.gain, [c.channel for c in findings.gain.channels])
     first = {c.channel: c for c in reversed(found)}

@@ -122,13 +122,24 @@ def foreseen(bench: HelicopterBench, flight: int, fit: Refit) -> Floats:
     return np.asarray(sheet.settled(knobs, errors, solved, wind).answer)
 
 
-def curves(bench: Bench, before: Refit, after: Refit) -> Sequence[Course]:
-    """Every channel over every driver."""
+def lacking(bench: object) -> Sequence[str]:
+    """Channels of `unforeseen`."""
+    if isinstance(bench, HelicopterBench):
+        return CHANNELS[:6]
+    return [c.name for c in bench.channels.values()] if isinstance(bench, MultirotorBench | RigBench) else []
+
+
+def curves(bench: Bench, before: Refit, after: Refit, channels: Collection[str]) -> Sequence[Course]:
+    """Each of these channels, as far as it is one of a force, a moment or an acceleration, over every driver."""
+    if not set(channels) & set(lacking(bench)):
+        return []
     flights = range(len(bench.names))
     old, new = ([unforeseen(bench, i, fit) for i in flights] for fit in (before, after))
     along = [drivers(bench, i) for i in flights]
     found = []
     for channel, first in old[0].items():
+        if channel not in channels:
+            continue
         was, now = ([one[channel].values for one in many] for many in (old, new))
         good = [np.isfinite(a) & np.isfinite(b) for a, b in zip(was, now, strict=True)]
         was, now = ([np.where(g, v, np.nan) for g, v in zip(good, many, strict=True)] for many in (was, now))

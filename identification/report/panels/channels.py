@@ -8,7 +8,7 @@ from identification.report.findings import Findings
 TITLE = "Size of the innovations, channel by channel"
 CAPTION = (
     "Root mean square over held-out rows, over the floor: all that has a name fitted to these very rows, what a fit "
-    "follows by chance given back. 1: nothing is left to explain."
+    "follows by chance given back. 1: nothing is left to explain. Crosses at the edge lie further out."
 )
 
 
@@ -27,8 +27,13 @@ def draw(findings: Findings) -> bytes | None:
     if findings.verdict.causes:
         marks.append(("extended", "D", AFTER, [c.after for c in channels]))
         marks.append(("all parameters fitted", "x", QUIET, [c.everything for c in channels]))
+    reach = 1.5 * float(band.max())
+    own = np.concatenate([*(np.array(values) / floor for *_, values in marks[:2]), [1.0 - reach, 1.0 + reach]])
+    low, high = own.min() - 0.03 * np.ptp(own), own.max() + 0.03 * np.ptp(own)
     for label, shape, colour, values in marks:
-        place.plot(np.array(values) / floor, y, shape, ms=4, color=colour, label=label)
+        shown = np.clip(np.array(values) / floor, low, high)
+        place.plot(shown, y, shape, ms=4, color=colour, label=label, clip_on=False)
+    place.set_xlim(low, high)
     place.axvline(1.0, lw=0.8, color=QUIET)
     place.set_xlabel("rms over floor")
     place.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))

@@ -31,5 +31,6 @@ def draw(findings: Findings) -> bytes | None:
     place.axvline(HOPELESS, lw=1.0, color=BEFORE)
     place.axvline(10.0, lw=0.8, ls=":", color=QUIET)
     place.set_xscale("log")
+    place.xaxis.set_major_formatter("{x:g}")
     place.set_xlabel("d' at its usual size")
     return png(figure)

@@ -23,7 +23,8 @@ def draw(findings: Findings) -> bytes | None:
     several = len({item.cause for item in chosen}) > 1
     figure, axes = canvas(max(4.2 * len(chosen), 6.4), 3.8, 1, len(chosen))
     for place, item in zip(axes[0], chosen, strict=True):
-        before = f"without {item.cause}" if several else "model as it was"
+        alone = several and item.course.unit != "std"  # innovations are those with all causes at rest
+        before = f"without {item.cause}" if alone else "model as it was"
         curve(place, item.course, before, "extended" if item.cause else None)
         place.set_title(f"{item.course.channel} over {item.course.driver.replace('_', ' ')}", loc="left", fontsize=10)
         if several or item is chosen[0]:
