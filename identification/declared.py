@@ -19,11 +19,11 @@ FORCE_FLOOR = 0.02  # [m/s^2] of offset that geometry and model leave open on an
 
 def declared(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]:
     """Key, effect of one unit, and standard deviation of each."""
-    return [*_inertial(flight, vehicle), *_turned(flight, vehicle), *_places(flight, vehicle)]
+    return [*_inertial(flight, vehicle, False), *_turned(flight, vehicle), *_places(flight, vehicle)]
 
 
 def offsets(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]:
-    """Bias of force and rate as the model meets them.
+    """Bias of force and rate, turn and scale of the rates as the model meets them.
 
     The filter of the motion has them as states and its innovations are free of them already.
     """
@@ -35,19 +35,21 @@ def offsets(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]
         std = float(np.hypot(numbers["accel_bias_std"], FORCE_FLOOR))
         found.append((f"local.force_{axis}", Change(force=column), std))
         found.append((f"local.rate_{axis}", Change(rate=column), numbers["gyro_bias_std"]))
-    return found
+    return found + _inertial(flight, vehicle, True)
 
 
-def _inertial(flight: Flight, vehicle: Vehicle) -> list[tuple[str, Change, float]]:
-    """Scale and turn of the inertial sensor."""
+def _inertial(flight: Flight, vehicle: Vehicle, followed: bool) -> list[tuple[str, Change, float]]:
+    """Scale and turn of the inertial sensor; followed: those that the filter of the motion has as states."""
     numbers = vehicle.sensors["imu"].numbers
     found = []
     for name, of in (("imu_scale", ("accel_scale_std", "gyro_scale_std")), ("imu_misalignment", None)):
         cause = CATALOGUE[name]
         assert cause.changes is not None
         for parameter, change in zip(cause.parameters, cause.changes(flight, vehicle), strict=True):
-            std = numbers["misalignment_std"] if of is None else numbers[of[parameter.name[0] == "w"]]
-            found.append((f"local.{parameter.key}", change, std))
+            of_force = of is not None and parameter.name[0] == "f"
+            std = numbers["misalignment_std"] if of is None else numbers[of[not of_force]]
+            if of_force is not followed:
+                found.append((f"local.{parameter.key}", change, std))
     return found
 
 

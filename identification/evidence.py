@@ -1,7 +1,7 @@
 """One flight in linear form: innovations, and what every parameter does to them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,6 +111,17 @@ def rate_slopes(
     return {key: (answer - base) / sizes[key] for key, answer in zip(rates, found, strict=True)}
 
 
+@dataclass(frozen=True, eq=False)
+class _Laid:
+    """A sheet's columns side by side."""
+
+    own: Signatures  # (R, P)
+    local: Floats  # (R, L)
+    square: Floats  # (P + L, P + L) products of all columns
+    every: tuple[Floats, bool]  # (L, L) factor of the locals' information
+    but_wind: tuple[Floats, bool]  # (L - 2, L - 2) the same without the wind
+
+
 class Sheet:
     """One flight under one model: what the model says, how it changes with every number, and all of it whitened."""
 
@@ -201,6 +212,11 @@ class Sheet:
         self._driven = self.driven(self.at)
         self.columns = self._columns(self.slopes | self.by_wind, self._measured)
         self._lay()
+        self._kept = self.at, self.slopes, self.by_wind, self.columns, self._laid
+
+    def start_over(self) -> None:
+        """Go back to the slopes of the last whitening, so that no fit depends on those before it."""
+        self.at, self.slopes, self.by_wind, self.columns, self._laid = self._kept
 
     def driven(self, changes: Mapping[str, float], wind: Floats | None = None) -> Driven:
         """The model's answer with some knobs changed (and another wind), and its innovations."""
@@ -230,10 +246,14 @@ class Sheet:
 
     def refresh(self, keys: Sequence[str], at: Mapping[str, float]) -> None:
         """Take the slopes of some knobs anew about a changed model."""
-        self.at |= {key: at.get(key, self.model.knobs[key].nominal) for key in keys}
+        self.at = self.at | {key: at.get(key, self.model.knobs[key].nominal) for key in keys}
         found = knob_slopes(self.model, self.flight, self.wind, keys, at)
-        self.slopes |= found
-        self.columns |= self._columns(found, {})
+        self.slopes = self.slopes | found
+        columns = self._columns(found, {})
+        if IMU_CLOCK in self.columns:
+            changed = sum(columns[key] - self.columns[key] for key in COMMANDS if key in columns)
+            columns[IMU_CLOCK] = self.columns[IMU_CLOCK] + changed
+        self.columns = self.columns | columns
         self._lay()
 
     def _columns(self, model: Mapping[str, Floats], measured: Mapping[str, Floats]) -> dict[str, Floats]:
@@ -261,12 +281,12 @@ class Sheet:
         """The columns side by side, and their products."""
         names = (*WINDS, *self.local_keys)
         own = {key: c for key, c in self.columns.items() if key not in names}
-        self._own = Signatures(tuple(own), np.column_stack(list(own.values())))
-        self._local: Floats = np.column_stack([self.columns[key] for key in names])
-        whole = np.hstack([self._own.matrix, self._local])
-        self._square: Floats = whole.T @ whole
-        inner = self._square[len(own) :, len(own) :] * self.local_std[:, None] * self.local_std + np.eye(len(names))
-        self._all, self._but_wind = cho_factor(inner), cho_factor(inner[2:, 2:])
+        signatures = Signatures(tuple(own), np.column_stack(list(own.values())))
+        local: Floats = np.column_stack([self.columns[key] for key in names])
+        whole = np.hstack([signatures.matrix, local])
+        square: Floats = whole.T @ whole
+        inner = square[len(own) :, len(own) :] * self.local_std[:, None] * self.local_std + np.eye(len(names))
+        self._laid = _Laid(signatures, local, square, cho_factor(inner), cho_factor(inner[2:, 2:]))
 
     def residual(self, knobs: Mapping[str, float], wind: Floats | None = None) -> Floats:
         """Whitened innovations (R,) with some knobs changed; zero where they do not count."""
@@ -301,18 +321,21 @@ class Sheet:
                 asked = 0.5 * (asked + wind[:2] - declared_wind)
         local = np.zeros(len(self.local_std))
         local[:2] = wind[:2] - declared_wind
-        return Rows(residual, self._own, self._local, self.local_std, self.channel, self.t, local, self._square)
+        laid = self._laid
+        return Rows(residual, laid.own, laid.local, self.local_std, self.channel, self.t, local, laid.square)
 
     def _asked(self, residual: Floats, wind: Floats) -> tuple[Floats, float]:
         """The wind (2,) that a residual taken at another one asks for, and half the square that is left at that one.
 
         Both beyond what is usual.
         """
-        pull = self.local_std * (self._local.T @ (residual + self._local[:, :2] @ wind))
-        asked = (self.local_std * cho_solve(self._all, pull))[:2]
+        by = self._laid.local
+        pull = self.local_std * (by.T @ (residual + by[:, :2] @ wind))
+        asked = (self.local_std * cho_solve(self._laid.every, pull))[:2]
         spent = wind / self.local_std[:2]
-        free = self.local_std[2:] * (self._local[:, 2:].T @ residual)
-        return asked, 0.5 * float(residual @ residual + spent @ spent - free @ cho_solve(self._but_wind, free))
+        free = self.local_std[2:] * (by[:, 2:].T @ residual)
+        rest = free @ cho_solve(self._laid.but_wind, free)
+        return asked, 0.5 * float(residual @ residual + spent @ spent - rest)
 
 
 def solve(rows: Rows, std: Mapping[str, float]) -> tuple[dict[str, float], Floats, Floats]:

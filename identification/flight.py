@@ -303,20 +303,23 @@ def _filter(
     prior, noise, decay = statistics(vehicle, STEP, float(np.median(np.diff(imu_t))))
     way, samples = np.zeros((nodes, 15)), np.zeros((len(imu_t), 10))
     rows, gains, answers = (np.zeros((len(times), n)) for n in (k.STATES, k.STATES, 3))
-    shifts, slow = np.zeros(len(times)), np.where(kinds >= k.PAD, stds, 0.0)
+    shifts, unsure, slow = np.zeros(len(times)), np.zeros(len(times)), np.where(kinds >= k.PAD, stds, 0.0)
     ends = np.clip(edges[1:] - 1, 0, len(imu_t) - 1)
     skid = float(vehicle.geometry["skid_height"])
     for turn in range(4):
         last = turn == 3
         k.track(
-            imu_t, imu, edges, first, kinds, times, values, stds, slow, shifts, start, setup, MAGNETIC_FIELD, prior,
-            noise, decay, way, samples, rows, gains, answers,
+            imu_t, imu, edges, first, kinds, times, values, np.hypot(stds, unsure), slow, shifts, start, setup,
+            MAGNETIC_FIELD, prior, noise, decay, way, samples, rows, gains, answers,
         )  # fmt: skip
         if turn == 0:
             start, prior = _mended(vehicle, imu_t, samples, kinds, times, values, setup, start, prior)
         height = samples[ends, 2] - skid
         if not last:
             shifts = _downwash(vehicle, kinds, times, imu_t[ends], height, mass * way[:, 2], surface)
+            # where the ground carries the vehicle, nobody knows what the rotor does
+            standing = np.interp(times, imu_t[ends], _touched(height)) > 0.0
+            unsure = np.where(standing, np.abs(shifts), 0.0)
             stds = stds * _noise_factors(kinds, times, stds, answers, imu_t[0] + SETTLED)[kinds]
     motion = Motion(
         STEP, imu_t[ends], first, kinds, times, values, stds, decay, way, rows, gains, answers,

@@ -6,8 +6,8 @@ the innovations follows without running the filter again (`whitening`).
 
 Error state, world axes: position, velocity, attitude (R = exp(phi) R^), then what the sensors' makers declare as
 unknown: accelerometer and gyro bias, barometer bias and drift, GPS bias and wander, magnetometer bias, scale of the
-ranger, scale and tilt of the down camera, and what its errors of x, y, z and angle have in common for some seconds, in
-units of the deviation that it states itself.
+ranger, scale and tilt of the down camera, what its errors of x, y, z and angle have in common for some seconds, in
+units of the deviation that it states itself, the turn of the inertial sensor's case and the scale of its rates.
 """
 
 import math
@@ -21,7 +21,8 @@ from flightlog.rotations import from_vector, matrix, multiply
 P, V, PHI, B_A, B_G = 0, 3, 6, 9, 12
 BARO_BIAS, BARO_DRIFT, GPS_BIAS, GPS_WANDER, MAG = 15, 16, 17, 20, 23
 SONAR_SCALE, CAMERA_SCALE, CAMERA_TILT, PAD_SLOW = 26, 27, 28, 30
-STATES = 34
+CASE, RATE_SCALE = 34, 37
+STATES = 40
 
 # kinds of scalar measurement
 GPS, GPS_V, BARO, SONAR, FIELD, PAD, PAD_ANGLE = 0, 3, 6, 7, 8, 11, 14
@@ -135,11 +136,21 @@ def predict(kind, dt, p, v, q, w, extra, setup, field, row):
 
 
 @numba.njit(cache=True)
-def transition(step, f, r, decay, x):
-    """The error state's columns `x` (STATES, C) over a node of `step` [s]: force f (3,) in world axes, rotation r."""
+def transition(step, f, w, r, decay, x):
+    """The error state's columns `x` (STATES, C) over a node of `step` [s].
+
+    f (3,): force in world axes, w (3,): rate in body axes, r (3, 3): body to world. A case turned by m reads f + f x m
+    and w + w x m.
+    """
+    e0 = r[0, 0] * f[0] + r[1, 0] * f[1] + r[2, 0] * f[2]
+    e1 = r[0, 1] * f[0] + r[1, 1] * f[1] + r[2, 1] * f[2]
+    e2 = r[0, 2] * f[0] + r[1, 2] * f[1] + r[2, 2] * f[2]
     for c in range(x.shape[1]):
         a0, a1, a2 = x[PHI, c], x[PHI + 1, c], x[PHI + 2, c]
-        b0, b1, b2 = x[B_A, c], x[B_A + 1, c], x[B_A + 2, c]
+        m0, m1, m2 = x[CASE, c], x[CASE + 1, c], x[CASE + 2, c]
+        b0 = x[B_A, c] + e1 * m2 - e2 * m1
+        b1 = x[B_A + 1, c] + e2 * m0 - e0 * m2
+        b2 = x[B_A + 2, c] + e0 * m1 - e1 * m0
         # dv' = phi x f - R b_a, dphi' = -R b_g
         d0 = a1 * f[2] - a2 * f[1] - (r[0, 0] * b0 + r[0, 1] * b1 + r[0, 2] * b2)
         d1 = a2 * f[0] - a0 * f[2] - (r[1, 0] * b0 + r[1, 1] * b1 + r[1, 2] * b2)
@@ -150,7 +161,9 @@ def transition(step, f, r, decay, x):
         x[V, c] += step * d0
         x[V + 1, c] += step * d1
         x[V + 2, c] += step * d2
-        g0, g1, g2 = x[B_G, c], x[B_G + 1, c], x[B_G + 2, c]
+        g0 = x[B_G, c] + x[RATE_SCALE, c] * w[0] + w[1] * m2 - w[2] * m1
+        g1 = x[B_G + 1, c] + x[RATE_SCALE + 1, c] * w[1] + w[2] * m0 - w[0] * m2
+        g2 = x[B_G + 2, c] + x[RATE_SCALE + 2, c] * w[2] + w[0] * m1 - w[1] * m0
         for i in range(3):
             x[PHI + i, c] -= step * (r[i, 0] * g0 + r[i, 1] * g1 + r[i, 2] * g2)
         for i in range(B_A, STATES):
@@ -198,11 +211,15 @@ def track(
             before = max(i - 1, 0)  # a sample of the rate is of its instant
             for k in range(3):
                 w[k] = 0.5 * (imu[before, 3 + k] + imu[i, 3 + k]) - biases[B_G + k]
+            seen = _cross(w, biases[CASE : CASE + 3])
+            for k in range(3):
+                w[k] -= seen[k] + biases[RATE_SCALE + k] * w[k]
                 turn[k] = w[k] * dt
             half = matrix(multiply(q, from_vector(0.5 * turn)))
             q = multiply(q, from_vector(turn))
             q /= math.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
-            f = half @ (imu[i, :3] - biases[B_A : B_A + 3])
+            push = imu[i, :3] - biases[B_A : B_A + 3]
+            f = half @ (push - _cross(push, biases[CASE : CASE + 3]))
             for k in range(3):
                 force[k] += f[k]
                 rate[k] += w[k]
@@ -219,9 +236,9 @@ def track(
         step = t - begin
         way[n, :3], way[n, 12:15] = force, rate
         way[n, 3:12] = middle.ravel()
-        transition(step, force, middle, decay, cov)
+        transition(step, force, rate, middle, decay, cov)
         cov = np.ascontiguousarray(cov.T)
-        transition(step, force, middle, decay, cov)
+        transition(step, force, rate, middle, decay, cov)
         for i in range(STATES):
             cov[i, i] += noise[i]
         for m in range(first[n], first[n + 1]):

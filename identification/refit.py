@@ -115,7 +115,8 @@ def refit(
     """Fit these causes together, everything that has a tolerance with them; `start`: absolute values to begin at.
 
     No causes: the null. The causes' own signatures are taken anew where they moved by more than MOVED of their priors;
-    for the rest the chord serves.
+    for the rest the chord serves until it misleads: where a step went too far, a bench that can (`renew`) takes all of
+    them anew at the best point so far before steps are damped.
     """
     which = range(len(bench.names)) if flights is None else flights
     own = [p.key for cause in causes for p in cause.parameters]
@@ -126,6 +127,10 @@ def refit(
     fresh: set[str] = set(anew) & set(at)
     best: _Point | None = None
     damping = 0.0
+    renew = getattr(bench, "renew", None)
+    if renew:
+        renew(None)
+    renewed = False
     for _ in range(rounds):
         rows = _rows(bench, which, at, fresh)
         s = stack(rows, list(rows[0].signatures))
@@ -135,6 +140,13 @@ def refit(
         if best is None or here < best.cost:
             best = _Point(at, here, s, std, shift)
             damping = 0.0 if damping < DAMPING else 0.2 * damping
+            renewed = False
+        elif renew and not renewed and here > best.cost + GAINED:
+            renew(best.at)
+            rows = _rows(bench, which, best.at, ())
+            s = stack(rows, list(rows[0].signatures))
+            best = replace(best, stack=s, cost=_cost(s, best.std, best.shift))
+            renewed = True
         else:
             damping = max(DAMPING, 5.0 * damping)
         step, promised = _step(best.stack, best.std, best.shift, damping)

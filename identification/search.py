@@ -15,6 +15,7 @@ from identification.null import THRESHOLD
 from identification.refit import Refit, refit
 
 REFITTED = 4  # of the best of a screening
+CLOSE = 1.0  # [nats] to what the screening promised, where no other start is tried
 WORTH = -2.0  # [nats] of linear evidence below which a cause is not refitted
 MOST = 3  # causes in a set
 FEW = 14  # causes, up to which every set of them is looked at
@@ -106,24 +107,52 @@ class Search:
 
     def _grow(self, names: Names) -> Names | None:
         tried: list[Names] = []
-        start = self.fit(names)
         for score in self.screen(names)[:REFITTED]:
             if score.log_evidence < WORTH:
                 break
-            larger = tuple(sorted((*names, *score.causes)))
-            values = {key: start.at.get(key, self.bench.nominal[key]) for key in score.mean}
-            moved = {key: self.bench.bounded(key, values[key] + step) for key, step in score.mean.items()}
-            self.fit(larger, dict(start.at) | moved)
-            tried.append(larger)
+            tried.append(self._larger(names, score))
         if not tried:
             return None
         best = max(tried, key=self.gain)
         return best if self.gain(best) > self.gain(names) + self.threshold else None
 
+    def _larger(self, names: Names, score: Score) -> Names:
+        """A set with a further cause fitted from several places, until one gains what the screening promised."""
+        larger = tuple(sorted((*names, *score.causes)))
+        if larger in self.refits:
+            return larger
+        start, chosen = self.fit(names), [self.causes[name] for name in larger]
+        at = dict(start.at)
+        values = {key: at.get(key, self.bench.nominal[key]) for key in score.mean}
+        moved = {key: self.bench.bounded(key, values[key] + step) for key, step in score.mean.items()}
+        begin = getattr(self.bench, "start", None)
+        # where all else stays, a long step of one number alone may lead astray: it is the bench that knows
+        places = [at, dict(begin(larger))] if begin else [at | moved, at]
+        found: Refit | None = None
+        for place in places:
+            other = refit(self.bench, chosen, place)
+            if found is None or other.log_evidence > found.log_evidence:
+                found = other
+            if found.log_evidence > start.log_evidence + score.log_evidence - CLOSE:
+                break
+        assert found is not None
+        self.refits[larger] = found
+        return larger
+
+    def _without(self, names: Names, name: str) -> Names:
+        """A set less one cause, fitted from where the set is too: what a cause gains is not what its absence lost."""
+        smaller = tuple(n for n in names if n != name)
+        own = {p.key for p in self.causes[name].parameters}
+        begin = {key: value for key, value in self.fit(names).at.items() if key not in own}
+        other = refit(self.bench, [self.causes[n] for n in smaller], begin)
+        if other.log_evidence > self.fit(smaller).log_evidence:
+            self.refits[smaller] = other
+        return smaller
+
     def _prune(self, names: Names) -> Names:
         """Leave out what is not needed any more."""
         while names:
-            smaller = max((tuple(n for n in names if n != name) for name in names), key=self.gain)
+            smaller = max([self._without(names, name) for name in names], key=self.gain)
             if self.gain(names) > self.gain(smaller) + self.threshold:
                 break
             names = smaller

@@ -30,9 +30,9 @@ def statistics(vehicle: Vehicle, node_step: float, imu_step: float) -> tuple[Flo
     if "gps" in numbers:  # its first fix is the start
         prior[k.P : k.P + 3], prior[k.V : k.V + 3] = 1.0, 9.0 * numbers["gps"]["velocity_noise"] ** 2
     prior[k.PHI : k.PHI + 2], prior[k.PHI + 2] = 0.02**2, 0.05**2
-    lateral = imu["misalignment_std"] * GRAVITY
+    prior[k.CASE : k.CASE + 3] = imu["misalignment_std"] ** 2
+    prior[k.RATE_SCALE : k.RATE_SCALE + 3] = imu["gyro_scale_std"] ** 2
     prior[k.B_A : k.B_A + 3] = imu["accel_bias_std"] ** 2 + (imu["accel_scale_std"] * GRAVITY) ** 2
-    prior[k.B_A : k.B_A + 2] += lateral**2
     prior[k.B_G : k.B_G + 3] = imu["gyro_bias_std"] ** 2
     noise[k.B_A : k.B_A + 3] = 2 * imu["accel_drift_std"] ** 2 * node_step / imu["accel_drift_tau"]
     noise[k.B_G : k.B_G + 3] = 2 * imu["gyro_drift_std"] ** 2 * node_step / imu["gyro_drift_tau"]

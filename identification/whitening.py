@@ -22,7 +22,7 @@ def sensor_signatures(way, rows, gains, answers, first, step, decay, dz, df, dw)
     change = np.empty(columns)
     for n in range(len(first) - 1):
         r = way[n, 3:12].copy().reshape(3, 3)
-        transition(step, way[n, :3], r, decay, x)
+        transition(step, way[n, :3], way[n, 12:15], r, decay, x)
         for c in range(columns):
             for i in range(3):
                 push = 0.0
