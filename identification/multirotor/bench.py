@@ -160,7 +160,7 @@ class MultirotorBench:
             step = scale * np.linalg.solve(inner, scale * s.score)
             at = {key: self.bounded(key, at[key] + d) for key, d in zip(free, step, strict=True)}
             spread = scale[:, None] * np.linalg.inv(inner) * scale
-        fitted = {key: at[key] for key in keys} | self._scatter(at | there)
+        fitted = {key: max(at[key], self.vehicle.numbers[key].low) for key in keys} | self._scatter(at | there)
         rests = [flight.rest for flight in self.flights if np.isfinite(flight.rest)]
         if rests:
             there[REST] = max(rests)

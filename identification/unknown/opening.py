@@ -8,7 +8,7 @@ from identification.rig import RigBench
 from identification.unknown.bank import Bank
 from identification.unknown.helicopter import HelicopterBank
 from identification.unknown.multirotor import MultirotorBank
-from identification.unknown.null import HELICOPTER
+from identification.unknown.null import HELICOPTER, MULTIROTOR
 from identification.unknown.rig import RigBank
 
 
@@ -26,4 +26,6 @@ def open_bank(bench: object) -> Bank | None:
 
 def limits(bench: object) -> Mapping[str, float]:
     """[nats] by group of channels."""
-    return HELICOPTER if isinstance(bench, HelicopterBench) else {}
+    if isinstance(bench, HelicopterBench):
+        return HELICOPTER
+    return MULTIROTOR if isinstance(bench, MultirotorBench) else {}
