@@ -141,6 +141,7 @@ class Sheet:
         self._sensors(causes, scalars, nodes)
         self.wind: Floats = np.array([*model.vehicle.wind[:2], 0.0])  # about which all is linear; at 10 m
         self.columns: dict[str, Floats] = {}
+        self._laid: _Laid
 
     def _sensors(self, causes: Sequence[Cause], scalars: int, nodes: int) -> None:
         """What does not depend on the model: changes of the measurements, by key."""

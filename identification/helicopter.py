@@ -1,6 +1,8 @@
 """Helicopters: motion by the sensors, forces by the model along it."""
 
+import os
 from collections.abc import Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -54,7 +56,8 @@ class HelicopterBench:
         self.vehicle = vehicle
         self.names: Sequence[str] = list(logs)
         self.model = Model(vehicle)
-        self.flights: list[Flight] = [prepare(name, tables, vehicle) for name, tables in logs.items()]
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            self.flights: list[Flight] = list(pool.map(lambda log: prepare(log[0], log[1], vehicle), logs.items()))
         topics = set.intersection(*(set(tables) for tables in logs.values()))
         self.causes: Sequence[Cause]
         self.not_testable: Mapping[str, Sequence[str]]

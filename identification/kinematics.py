@@ -170,7 +170,7 @@ def transition(step, f, w, r, decay, x):
             x[i, c] *= decay[i]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def track(
     imu_t, imu, edges, first, kinds, times, values, stds, slow, shifts, start, setup, field, prior, noise, decay, way,
     motion, rows, gains, answers,

@@ -9,7 +9,7 @@ import numpy as np
 from identification.kinematics import PHI, STATES, V, transition
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def sensor_signatures(way, rows, gains, answers, first, step, decay, dz, df, dw):
     """Whitened change of the innovations (M, C) of `kinematics.track`.
 
@@ -55,7 +55,7 @@ def sensor_signatures(way, rows, gains, answers, first, step, decay, dz, df, dw)
     return out
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def drive_signatures(gust, gains, spreads, step, keep, model, measured):
     """Whitened change of the innovations (N, 7, C) of `dynamics.innovations` by changed model or measurement.
 

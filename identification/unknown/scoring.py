@@ -9,7 +9,9 @@ with G and b of the curve's functions j after elimination, averaged over a few s
 """
 
 import math
+import os
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -174,13 +176,17 @@ def scan(
         for along in (bank.drivers(i) for i in range(flights))
     ]
     found: list[dict[Place, Weighed]] = [{} for _ in eliminations]
-    for way in bank.ways:
+
+    def along(way: str) -> list[Moments]:
         parts = [bank.columns(i, way, shape) for i, shape in enumerate(shapes)]
-        for found_here, elimination in zip(found, eliminations, strict=True):
-            whole = elimination.moments(parts)
-            for n, driver in enumerate(bases):
-                own = slice(n * FUNCTIONS, (n + 1) * FUNCTIONS)
-                found_here[way, driver] = weigh(Moments(whole.information[own, own], whole.score[own]))
+        return [elimination.moments(parts) for elimination in eliminations]
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for way, moments in zip(bank.ways, pool.map(along, bank.ways), strict=True):
+            for found_here, whole in zip(found, moments, strict=True):
+                for n, driver in enumerate(bases):
+                    own = slice(n * FUNCTIONS, (n + 1) * FUNCTIONS)
+                    found_here[way, driver] = weigh(Moments(whole.information[own, own], whole.score[own]))
     return found
 
 
