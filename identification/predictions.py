@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from flightlog.rotations import matrix
 from identification.bench import Bench
 from identification.diagnosis import Diagnosis
+from identification.flight import SETTLED
 from identification.free_run import rig_runs
 from identification.helicopter import HelicopterBench
 from identification.refit import Refit
@@ -68,8 +69,9 @@ def _helicopter(bench: HelicopterBench, fits: Sequence[Refit], heldout: bool) ->
         length, every = max(1, round(horizon / step)), min(EVERY, horizon)
         apart = max(1, round(every / step))
         ends: Mapping[str, list[Floats]] = {name: [] for name in ("velocity", "position", "rates")}
+        begin = round(SETTLED / step)
         for of_fit in lacking:
-            parts = [[part[s : s + length] for s in range(1, len(part) - length, apart)] for part in of_fit]
+            parts = [[part[s : s + length] for s in range(begin, len(part) - length, apart)] for part in of_fit]
             runs = np.array([run for one in parts for run in one])  # (runs, length, 6)
             if not len(runs):
                 return

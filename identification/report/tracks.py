@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from flightlog.replay_pair import Track
 from flightlog.rotations import matrix
+from identification.flight import SETTLED
 from identification.helicopter import HelicopterBench
 from identification.refit import Refit
 from identification.report.unforeseen import foreseen
@@ -36,12 +37,14 @@ def simulated(bench: HelicopterBench, flight: int, fit: Refit, name: str) -> Tra
     answer = foreseen(bench, flight, fit)
     turning = np.zeros_like(item.measured[:, 3:6])
     turning[1:] = np.diff(item.measured[:, 3:6], axis=0) / step
-    # on the ground nothing was judged, and nothing moves apart
+    # on the ground, and until the filter has settled, nothing was judged, and nothing moves apart
     force, moment = np.nan_to_num(answer[:, :3] - item.measured[:, :3]), np.nan_to_num(answer[:, 3:6] - turning)
+    early = motion.t < motion.t[0] + SETTLED
+    force[early] = moment[early] = 0.0
     rotation = np.array([matrix(q) for q in motion.attitude])
-    pushed = np.einsum("nij,nj->ni", rotation, np.nan_to_num(force))
+    pushed = np.einsum("nij,nj->ni", rotation, force)
     length = max(2, round(HORIZON / step))
-    moved, turned = _twice(pushed, step, length), _twice(np.nan_to_num(moment), step, length)
+    moved, turned = _twice(pushed, step, length), _twice(moment, step, length)
     size = np.linalg.norm(turned, axis=1, keepdims=True)
     turned *= np.minimum(1.0, MOST_TURNED / np.maximum(size, 1e-12))
     q = motion.attitude[:, [1, 2, 3, 0]]

@@ -1,5 +1,6 @@
 """Every command of docs/diagnosis.md runs, in a quick form, in the order in which it stands there."""
 
+import json
 import os
 import re
 import shlex
@@ -36,7 +37,15 @@ def short_landing(words: list[str]) -> None:
 
 
 def diagnosis(words: list[str]) -> None:
+    """The ground effect is three times the model's: said, and shown where it is."""
     assert main([*words[1:], "--json", *([] if "-o" in words else ["-o", "diagnoses/odd"])]) in (0, 1)
+    found = json.loads(Path("diagnoses/odd/diagnosis.json").read_text(encoding="utf-8"))
+    (cause,) = found["causes"]
+    assert (cause["name"], cause["gain"]["channel"]) == ("ground_effect", "force_z")
+    assert cause["gain"]["share_of_explainable"] > 0.5
+    assert "force_z over height" in Path("diagnoses/odd/report.md").read_text(encoding="utf-8")
+    runs = [p for p in found["predictions"] if (p["channel"], p["horizon_s"]) == ("velocity", 0.5)]
+    assert [run["rmse_extended"] < 0.6 * run["rmse_nominal"] for run in runs] == [True]
 
 
 def measured(words: list[str]) -> None:

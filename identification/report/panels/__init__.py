@@ -1,4 +1,7 @@
-"""The pictures of a report, one a file: each has TITLE, CAPTION and `draw(findings)`, None where it says nothing."""
+"""The pictures of a report, one a file: each has TITLE, CAPTION and `draw(findings)`, None where it says nothing.
+
+One whose title depends on what was found has `title(findings)` besides.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,5 +31,6 @@ def panels(findings: Findings) -> Sequence[Panel]:
         module = import_module(f"{__name__}.{name}")
         drawn: bytes | None = module.draw(findings)
         if drawn is not None:
-            found.append(Panel(name, module.TITLE, module.CAPTION, drawn))
+            title = module.title(findings) if hasattr(module, "title") else module.TITLE
+            found.append(Panel(name, title, module.CAPTION, drawn))
     return found

@@ -15,6 +15,15 @@ CAPTION = (
 )
 
 
+def title(findings: Findings) -> str:
+    """With what is shown."""
+    return f"{TITLE}: {', '.join(_about(item.course) for item in telling(findings))}"
+
+
+def _about(course: Course) -> str:
+    return f"{course.channel} over {course.driver.replace('_', ' ')}"
+
+
 def draw(findings: Findings) -> bytes | None:
     """The channel and the driver of each cause."""
     chosen = telling(findings)
@@ -26,7 +35,7 @@ def draw(findings: Findings) -> bytes | None:
         alone = several and item.course.unit != "std"  # innovations are those with all causes at rest
         before = f"without {item.cause}" if alone else "model as it was"
         curve(place, item.course, before, "extended" if item.cause else None)
-        place.set_title(f"{item.course.channel} over {item.course.driver.replace('_', ' ')}", loc="left", fontsize=10)
+        place.set_title(_about(item.course), loc="left", fontsize=10)
         if several or item is chosen[0]:
             place.legend(fontsize=8, frameon=False)
     return png(figure)
