@@ -16,7 +16,9 @@ from identification.refit import Refit, refit
 
 REFITTED = 4  # of the best of a screening
 CLOSE = 1.0  # [nats] to what the screening promised, where no other start is tried
-WORTH = -2.0  # [nats] of linear evidence below which a cause is not refitted
+WORTH = 0.2  # of the threshold, in linear evidence: below it a cause is not refitted, but for rough ones
+LEAST = -2.0  # [nats] of linear evidence below which no larger set is looked at
+SHARES = (0.25, 0.5, 1.0)  # of its spread, at which the fit of a rough cause begins
 MOST = 3  # causes in a set
 FEW = 14  # causes, up to which every set of them is looked at
 
@@ -89,7 +91,7 @@ class Search:
     def _choose(self) -> Names:
         """The best of all sets, where there are few: the linear best of each size are refitted."""
         competition = self.competition()
-        sure, least = hasattr(self.bench, "expanded"), WORTH  # one that is linear about the truth ranks for sure
+        sure, least = hasattr(self.bench, "expanded"), LEAST  # one that is linear about the truth ranks for sure
         tried: list[Names] = [()]
         for size in range(1, MOST + 1):
             scores = [competition.score(*names) for names in combinations(sorted(self.causes), size)]
@@ -107,10 +109,10 @@ class Search:
 
     def _grow(self, names: Names) -> Names | None:
         tried: list[Names] = []
+        rough = getattr(self.bench, "rough", ())
         for score in self.screen(names)[:REFITTED]:
-            if score.log_evidence < WORTH:
-                break
-            tried.append(self._larger(names, score))
+            if score.log_evidence > WORTH * self.threshold or score.causes[0] in rough:
+                tried.append(self._larger(names, score))
         if not tried:
             return None
         best = max(tried, key=self.gain)
@@ -128,6 +130,11 @@ class Search:
         begin = getattr(self.bench, "start", None)
         # where all else stays, a long step of one number alone may lead astray: it is the bench that knows
         places = [at, dict(begin(larger))] if begin else [at | moved, at]
+        if score.causes[0] in getattr(self.bench, "rough", ()):
+            own = self.causes[score.causes[0]].parameters
+            far = [at | {p.key: self.bench.nominal[p.key] + part * self.bench.spreads[p.key] for p in own}
+                   for part in SHARES]  # fmt: skip
+            places = [min(far, key=lambda place: refit(self.bench, chosen, place, rounds=1).cost), at]
         found: Refit | None = None
         for place in places:
             other = refit(self.bench, chosen, place)
