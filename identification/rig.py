@@ -29,7 +29,8 @@ Floats = NDArray[np.float64]
 
 STEP = 0.04  # [s] from node to node
 FINE = 0.0025  # [s] of the model's own steps: they act half of one early, and 5 ms were named a delay in every null
-SMOOTHED = 0.06  # [s] of the parabola through the motion
+SMOOTHED = 0.06, 0.12, 0.24, 0.48  # [s] of the parabola through the motion
+AGREED = 2.5  # standard deviations, within which the rates of two agree
 SHORTEST = 15.0  # [s] of a log
 ROUNDS = 6  # of the noise fit
 IMPERFECT = 0.02  # of the usual acceleration, which no model accounts for
@@ -61,14 +62,37 @@ class Nodes:
         return np.asarray(moving.run(first, moving.torques(self.course.inputs)[which])[:, -1])
 
 
-def _nodes(course: Course) -> Nodes:
+def _nodes(course: Course, noise: Floats) -> Nodes:
+    """A stretch cut into steps; noise (J,) [rad]: of a row."""
     step = max(1, round(STEP / course.dt))
-    window = 2 * max(2, round(SMOOTHED / course.dt / 2.0)) + 1
-    angles = savgol_filter(course.angles, window, 2, axis=0)
-    rates = savgol_filter(course.angles, window, 2, deriv=1, delta=course.dt, axis=0)
-    rows = np.arange(0, len(angles), step)
+    states = smoothed(course.angles, course.dt, noise)
+    joints, rows = course.angles.shape[1], np.arange(0, len(course.angles), step)
     # one row, not the mean of those around: where a torque jumps, the smoothed motion is off by more than the noise
-    return Nodes(course, rows, np.hstack([angles, rates])[rows], (course.angles - angles)[rows])
+    return Nodes(course, rows, states[rows], (course.angles - states[:, :joints])[rows])
+
+
+def smoothed(angles: Floats, dt: float, noise: Floats) -> Floats:
+    """States (N, 2 J) by parabolas through angles (N, J), each as wide as the motion allows.
+
+    The widest whose rate agrees with that of all narrower ones within the noise (intersection of confidence intervals:
+    Goldenshluger and Nemirovski 1997). A joint that stands still then has no rate, where a narrow parabola would have
+    it shake, with a dry friction that takes the shaking for motion.
+    """
+    rows, joints = angles.shape
+    found = np.zeros((rows, 2 * joints))
+    low, high = np.full((rows, joints), -np.inf), np.full((rows, joints), np.inf)
+    agreed = np.ones((rows, joints), bool)
+    for span in SMOOTHED:
+        half = max(2, round(span / dt / 2.0))
+        if 2 * half + 1 > rows:
+            break
+        angle = savgol_filter(angles, 2 * half + 1, 2, axis=0)
+        rate = savgol_filter(angles, 2 * half + 1, 2, deriv=1, delta=dt, axis=0)
+        off = AGREED * noise / (dt * np.sqrt(2.0 * np.sum(np.arange(1, half + 1) ** 2)))
+        low, high = np.maximum(low, rate - off), np.minimum(high, rate + off)
+        agreed &= low <= high
+        found = np.where(np.hstack([agreed, agreed]), np.hstack([angle, rate]), found)
+    return found
 
 
 class RigBench:
@@ -83,7 +107,8 @@ class RigBench:
         """Prepare the flights and fit the noise; UserError for a log that cannot carry a diagnosis."""
         self.vehicle = vehicle
         self.names: Sequence[str] = list(logs)
-        self._flights = [[_nodes(c) for c in courses(name, tables, vehicle)] for name, tables in logs.items()]
+        each = np.array([vehicle.noise[joint] for joint in vehicle.joints])
+        self._flights = [[_nodes(c, each) for c in courses(name, tables, vehicle)] for name, tables in logs.items()]
         for name, parts in zip(logs, self._flights, strict=True):
             if sum(len(part.rows) * part.length * part.course.dt for part in parts) < SHORTEST:
                 raise UserError(f"{name}: too short: {SHORTEST:g} s or more would be enough")

@@ -92,7 +92,7 @@ def _actuator_lag(craft: Multirotor, true: Numbers, rng: Rng, share: float) -> E
     more = share * float(rng.uniform(0.03, 0.06))
     value = true["terms.motor.tau"] + more
     if rng.random() < 0.5:
-        return Effect("actuator_lag", "plant", "second order", values={"tau": value}, otherwise={"second_lag": more})
+        return Effect("actuator_lag", "plant", "second order", otherwise={"second_lag": more})
     return Effect("actuator_lag", "plant", "catalogue", values={"tau": value}, numbers={"terms.motor.tau": value})
 
 

@@ -68,7 +68,7 @@ def _actuator_lag(rig: Rig, true: Numbers, rng: Rng, share: float) -> Effect:
     name = str(rng.choice(rig.inputs))
     key, more = f"terms.actuator_lag.{name}.tau", share * float(rng.uniform(0.1, 0.3))
     if rng.random() < 0.5:
-        return Effect("actuator_lag", "plant", "second order", values={"tau": true[key] + more}, which=name,
+        return Effect("actuator_lag", "plant", "second order", which=name,
                       otherwise={f"{name}.second_lag": more})  # fmt: skip
     return Effect("actuator_lag", "plant", "catalogue", values={"tau": true[key] + more}, which=name,
                   numbers={key: true[key] + more})  # fmt: skip

@@ -9,18 +9,22 @@ import pyarrow as pa
 import pytest
 from scipy.signal import lfilter
 
+from flightlog.constants import GRAVITY
 from flightlog.errors import UserError
 from flightlog.tables import Table
 from flightlog.topics import topic_of
 from identification.diagnosis import diagnose, open_bench
 from identification.logs import read
-from identification.multirotor import noise
+from identification.multirotor import noise, quick
 from identification.multirotor.flight import prepare
+from identification.multirotor.motion import Motion
 from identification.normal import refit_to
 from sim.kinds import load
 from sim.multirotor import load_multirotor, multirotor_from
 from sim.multirotor.model import Inputs, answer
 from sim.multirotor.simulate import fly
+from tests.blind import quad_flights
+from tests.blind.kits import file_of
 
 DATA = Path(os.environ.get("HELIDECK_DATA", Path(__file__).parents[3] / "shared" / "data")) / "crazypad"
 measured = pytest.mark.skipif(not DATA.is_dir(), reason="no measured logs: set HELIDECK_DATA to their folder")
@@ -97,6 +101,54 @@ def test_what_a_passing_load_takes_off_the_voltage_is_put_back(craft):
     slow, raw = item.slow.voltage[inside], item.inputs.voltage[inside]
     assert np.diff(slow).std() < 0.1 * np.diff(raw).std()
     assert slow[0] - slow[-1] == pytest.approx(raw[:200].mean() - raw[-200:].mean(), abs=0.03)
+
+
+def test_speed_within_a_node_is_what_the_tilted_thrust_makes_of_it(craft):
+    """East at 1 m/s, heading north, rolled so that the thrust pushes on at 1 m/s^2; a gust takes half of that away."""
+    step, per = 0.01, 25
+    t = step * np.arange(300)
+    roll = np.full_like(t, np.arctan(1.0 / GRAVITY))
+    speed, zero = 1.0 + 0.5 * t, np.zeros_like(t)
+    log = tables({"estimate": {"t": t, "ve": speed, "vn": zero, "vu": zero, "u": zero, "roll": roll, "pitch": zero,
+                               "heading": zero}})  # fmt: skip
+    first = np.arange(50, 250, per)
+    led = Motion(log, t).led(step, np.full_like(t, 9.9), first, per)
+    body = np.column_stack([zero, -speed * np.cos(roll), speed * np.sin(roll)])  # the right is down
+    assert led[first] == pytest.approx(body[first], abs=1e-9)
+    ends = first + per - 1
+    # half of the push went: the share by which all nodes end slower is taken off
+    assert led[ends] == pytest.approx(body[ends], abs=0.04)
+    # of the first node's speed that the others do not share, nothing is known
+    speed[60:75] += 0.3
+    gust = Motion(tables({"estimate": {**{n: log["estimate"][n] for n in log["estimate"].columns}, "ve": speed}}), t)
+    assert gust.led(step, np.full_like(t, 9.9), first, per)[62] == pytest.approx(led[62], abs=0.02)
+
+
+def test_a_late_command_is_as_rough_as_one_in_time():
+    """Straight lines between samples would halve the variance of white commands that come half a step late."""
+    quad = load(file_of("quad"))
+    columns = quad_flights.fly(
+        quad_flights.plan_of("doublets", quad, np.random.default_rng(0), 12.0), quad, quad.values(), {},
+        np.random.default_rng(1),
+    )  # fmt: skip
+    log = tables(columns)
+    moving = quick.prepare(prepare("flight", log, quad, by_estimate=False), log, quad)
+    u = 0.5 + 0.05 * np.random.default_rng(2).standard_normal(moving.inputs.commands.shape)
+    rough = replace(moving, inputs=replace(moving.inputs, commands=u))
+    at_once, late = (rough.expected(quad, {quick.TAU: 0.0, quick.DELAY: d})[0].var() for d in (0.0, 0.005))
+    assert 0.65 * at_once < late < 1.1 * at_once
+
+
+def test_doublets_tell_lag_and_delay_to_three_milliseconds():
+    """Flown by the blind tests' own equations, from a nominal file of another lag."""
+    quad = load(file_of("quad"))
+    for tau, delay in ((0.03, 0.0), (0.07, 0.02)):
+        numbers = quad.values({quick.TAU: tau, quick.DELAY: delay})
+        rng = np.random.default_rng(5)
+        columns = quad_flights.fly(quad_flights.plan_of("doublets", quad, rng, 30.0), quad, numbers, {}, rng)
+        moving = open_bench({"flight": tables(columns)}, quad)._moving
+        assert moving._own[0][quick.TAU] == pytest.approx(tau, abs=0.003)
+        assert moving._own[0][quick.DELAY] == pytest.approx(delay, abs=0.003)
 
 
 def test_after_a_charge_more_may_differ(nominal, craft):

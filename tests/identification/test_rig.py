@@ -17,6 +17,7 @@ from helideck.estimation import find_mapping
 from identification.course import causal_states, courses
 from identification.diagnosis import Diagnosis, examine
 from identification.free_run import predict, rig_runs
+from identification.rig import smoothed
 from identification.rig_fit import Free, Weighing, fit_rig
 from sim.rig import Rig, load_rig
 from sim.rig_motion import Moving
@@ -180,7 +181,22 @@ def test_dry_friction_of_a_rig_is_named(dry: Diagnosis) -> None:
     assert list(dry.causes) == ["joint_friction#yaw"]
 
 
-@pytest.mark.xfail(strict=True, reason="of a joint that stands still by a noisy rate, a third of the friction is found")
+def test_a_joint_that_stands_still_has_no_rate_and_one_that_moves_keeps_its_own() -> None:
+    rng, dt, noise = np.random.default_rng(3), 0.01, 0.002
+    t = dt * np.arange(2000)
+    motion = np.column_stack([np.zeros_like(t), 0.5 * np.sin(6.0 * t)])
+    states = smoothed(motion + noise * rng.standard_normal(motion.shape), dt, np.full(2, noise))
+    narrow = noise / (dt * np.sqrt(2.0 * (1.0 + 4.0 + 9.0)))  # of the rate by a parabola through 0.06 s
+    assert states[50:-50, 2].std() < 0.3 * narrow
+    off = states[:, 3] - 3.0 * np.cos(6.0 * t)
+    assert off[50:-50].std() < 1.5 * narrow
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="a motor of wide tolerance may stand in for a joint's friction, and noise fitted beside makes that cheap: "
+    "a fifth of the friction is found, its interval too narrow",
+)
 def test_dry_friction_of_a_rig_has_the_size_that_flew(dry: Diagnosis) -> None:
     fit = dry.search.fit(dry.causes)
     assert fit.values[DRY] == pytest.approx(0.03, abs=4.0 * fit.std[DRY])
