@@ -16,6 +16,6 @@ HELICOPTER: Mapping[str, float] = {
     "gps.v": MARGIN, "baro": MARGIN, "mag": 20.0,
 }  # fmt: skip
 
-# [nats] multirotors: of 28 null sets of three flights of 60 s (tests/blind) 27 came to 3.6 at most, one to 18 (yaw moment
+# [nats] multirotors: of 28 null sets (three flights of 60 s, tests/blind) 27 came to 3.6 at most, one to 18 (yaw moment
 # over voltage, which nothing explains yet)
 MULTIROTOR: Mapping[str, float] = {"force": 8.0, "moment": 8.0}
