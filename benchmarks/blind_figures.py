@@ -10,8 +10,18 @@ import numpy as np
 from scipy.stats import binomtest, ncx2
 
 from benchmarks.blind_judge import Record
+from identification.helicopter import HelicopterBench
+from identification.multirotor import MultirotorBench
 from identification.null import THRESHOLD
+from identification.rig import RigBench
 
+LIMITS: Mapping[str, float] = {  # [nats] that a cause must gain, by kind of vehicle
+    kind: getattr(bench, "threshold", THRESHOLD)
+    for kind, bench in (("raptor90", HelicopterBench), ("quadrotor", MultirotorBench), ("rig", RigBench))
+}
+NOTHING = "null", "threshold"  # parts
+FEWEST = 20  # sets from which a tail is read
+HIGHEST = 0.2  # of them
 STRONG, MIDDLE, HOPELESS = 10.0, 6.0, 3.0  # d'
 OCCAM = 3.0  # [nats] that a parameter's wide prior costs, about log(spread over standard deviation)
 SURE = 0.9
@@ -32,13 +42,15 @@ class Line:
     gate: str
     met: bool | None
     interval: tuple[float, float] | None = None
+    hits: int | None = None
 
     def markdown(self) -> str:
         """A row of the table."""
         value = "-" if self.value is None else f"{self.value:.3g}"
         span = "" if self.interval is None else f" ({self.interval[0]:.2f}-{self.interval[1]:.2f})"
         met = {None: "", True: "yes", False: "no"}[self.met]
-        return f"| {self.figure} | {self.of} | {value}{span} | {self.gate} | {met} |"
+        count = f"{self.of}" if self.hits is None else f"{self.hits} of {self.of}"
+        return f"| {self.figure} | {count} | {value}{span} | {self.gate} | {met} |"
 
 
 def strongest(record: Record) -> float:
@@ -69,14 +81,14 @@ def right_place(record: Record) -> bool:
 def share(
     figure: str, records: Sequence[Record], good: Callable[[Record], bool], gate: float, *, least: bool = True
 ) -> Line:
-    """The share of records for which `good` holds, with its 95 % interval."""
+    """The share of records for which `good` holds, with its 95 % interval (Clopper and Pearson)."""
     if not records:
         return Line(figure, 0, None, f"{'>=' if least else '<='} {gate:g}", None)
     hits = sum(good(record) for record in records)
-    found = binomtest(hits, len(records)).proportion_ci(method="wilson")
+    found = binomtest(hits, len(records)).proportion_ci(method="exact")
     value = hits / len(records)
     met = value >= gate if least else value <= gate
-    return Line(figure, len(records), value, f"{'>=' if least else '<='} {gate:g}", met, (found.low, found.high))
+    return Line(figure, len(records), value, f"{'>=' if least else '<='} {gate:g}", met, (found.low, found.high), hits)
 
 
 def lines(records: Sequence[Record]) -> list[Line]:
@@ -181,13 +193,15 @@ def _intervals(records: Sequence[Record]) -> list[Line]:
     cases = [case for r in records for case in r.intervals if case["std"] and case["std"] > 0.0]
     if not cases:
         return [Line("95 % intervals that hold the truth", 0, None, "0.93-0.97", None)]
-    inside = np.mean([case["ci95"][0] <= case["true"] <= case["ci95"][1] for case in cases])
+    hits = sum(case["ci95"][0] <= case["true"] <= case["ci95"][1] for case in cases)
+    inside, found = hits / len(cases), binomtest(hits, len(cases)).proportion_ci(method="exact")
     z = np.array([(case["value"] - case["true"]) / case["std"] for case in cases])
     spread = 1.4826 * float(np.median(np.abs(z)))
     return [
-        Line("95 % intervals that hold the truth", len(cases), float(inside), "0.93-0.97", 0.93 <= inside <= 0.97),
+        Line("95 % intervals that hold the truth", len(cases), inside, "0.93-0.97", 0.93 <= inside <= 0.97,
+             (found.low, found.high), hits),
         Line("errors over stated std, robust", len(cases), spread, "0.9-1.1", 0.9 <= spread <= 1.1),
-    ]
+    ]  # fmt: skip
 
 
 def by_cause(records: Sequence[Record]) -> str:
@@ -215,10 +229,25 @@ def plain(name: str) -> str:
     return name.partition("#")[0]
 
 
-def expected(strength: np.ndarray, parameters: int = 1) -> np.ndarray:
+def expected(strength: np.ndarray, parameters: int = 1, threshold: float = THRESHOLD) -> np.ndarray:
     """Probability that an effect of this d' is seen: twice the likelihood ratio is noncentral chi-square."""
-    needed = 2.0 * (THRESHOLD + OCCAM * parameters)
+    needed = 2.0 * (threshold + OCCAM * parameters)
     return np.asarray(ncx2.sf(needed, parameters, np.maximum(strength, 1e-9) ** 2))
+
+
+def tail(records: Sequence[Record], threshold: float) -> str:
+    """What nulls say of the threshold: an exponential fitted to the highest of what their best causes gained."""
+    best = np.sort([r.best for r in records if r.error is None and r.certified and r.job["part"] in NOTHING])
+    if len(best) < FEWEST:
+        return ""
+    begins = float(np.quantile(best, 1.0 - HIGHEST))
+    above = best[best > begins] - begins
+    beyond = HIGHEST * math.exp(-max(threshold - begins, 0.0) / float(above.mean()))
+    return (
+        f"Best cause of {len(best)} sets with nothing wrong: median {np.median(best):.1f}, most {best[-1]:.1f} nats; a "
+        f"cause must gain {threshold:g}. The highest fifth, as an exponential of {above.mean():.2f} nats from "
+        f"{begins:.1f} on, leaves one alarm in {1.0 / beyond:,.0f}.\n\n"
+    )
 
 
 def write(records: Sequence[Record], folder: Path, kinds: Mapping[str, str]) -> str:
@@ -227,9 +256,11 @@ def write(records: Sequence[Record], folder: Path, kinds: Mapping[str, str]) -> 
     for place in places if len(places) == 1 else ["all", *places]:
         some = [r for r in records if place in ("all", kinds[r.job["vehicle"]])]
         rows = [line.markdown() for line in lines(some) if line.of]
+        nulls = "" if place == "all" else tail(some, LIMITS[place])
         refused = sum(not r.certified for r in some if r.error is None)
         text += f"## {place}\n\n| figure | sets | measured (95 %) | gate | met |\n|---|---|---|---|---|\n"
         text += "\n".join(rows) + f"\n\nNot judged, the baseline not being certified: {refused} of {len(some)}.\n\n"
+        text += nulls
     text += f"{by_cause(records)}\n"
     failed = [r for r in records if r.error is not None]
     if failed:
@@ -237,12 +268,12 @@ def write(records: Sequence[Record], folder: Path, kinds: Mapping[str, str]) -> 
             f"- {r.job['part']} {r.job['vehicle']} {r.job['seed']}: {r.error}" for r in failed
         ) + "\n"  # fmt: skip
     (folder / "summary.md").write_text(text)
-    draw(records, folder / "detection.png")
+    draw(records, folder / "detection.png", min(LIMITS[place] for place in places) if places else THRESHOLD)
     return text
 
 
-def draw(records: Sequence[Record], path: Path) -> None:
-    """Detected share by d', in bins with their intervals, against the curve."""
+def draw(records: Sequence[Record], path: Path, threshold: float) -> None:
+    """Detected share by d', in bins with their intervals, against the curve of this threshold."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -252,14 +283,14 @@ def draw(records: Sequence[Record], path: Path) -> None:
     figure, axes = plt.subplots(figsize=(7.0, 4.2))
     at = np.geomspace(0.3, 300.0, 300)
     for parameters, style in ((1, "-"), (3, "--")):
-        axes.plot(at, expected(at, parameters), style, color="0.4",
-                  label=f"noncentral chi-square, {parameters} parameter(s)")  # fmt: skip
+        axes.plot(at, expected(at, parameters, threshold), style, color="0.4",
+                  label=f"noncentral chi-square, {parameters} parameter(s), {threshold:g} nats")  # fmt: skip
     d = np.array([strongest(r) for r in known])
     seen = {
-        "anything asserted": ("o", "none", np.array([bool(r.asserted) for r in known])),
-        "the true cause or its class": ("o", "C0", np.array([true(r) <= classes(r) for r in known])),
+        "anything asserted": (9, "none", np.array([bool(r.asserted) for r in known])),
+        "the true cause or its class": (5, "C0", np.array([true(r) <= classes(r) for r in known])),
     }
-    for name, (marker, face, hit) in seen.items():
+    for name, (size, face, hit) in seen.items():
         label = name
         for low, high in pairwise(np.geomspace(0.3, 300.0, 13)):
             chosen = (d >= low) & (d < high)
@@ -267,9 +298,9 @@ def draw(records: Sequence[Record], path: Path) -> None:
             if n == 0:
                 continue
             rate, middle = float(hit[chosen].mean()), math.sqrt(low * high)
-            span = binomtest(int(hit[chosen].sum()), n).proportion_ci(method="wilson")
+            span = binomtest(int(hit[chosen].sum()), n).proportion_ci(method="exact")
             axes.errorbar(middle, rate, [[max(rate - span.low, 0.0)], [max(span.high - rate, 0.0)]], color="C0", lw=0.7)
-            axes.plot(middle, rate, marker, mfc=face, mec="C0", label=label)
+            axes.plot(middle, rate, "o", ms=size, mfc=face, mec="C0", label=label)
             axes.annotate(str(n), (middle, rate), textcoords="offset points", xytext=(5, 4), fontsize=7)
             label = "_"
     axes.axvline(STRONG, color="C3", lw=0.7)
