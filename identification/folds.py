@@ -6,7 +6,7 @@ any (tolerances, the wind) follows that one within its prior. The expansion poin
 everything, which a fold moves from by a fraction of a standard deviation; the model is not run again.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,6 +18,7 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAST_STD = 1e-12  # of a number that is known
+ALONE = 0.7  # of what a parameter does to the rows, in one fifth of the flight
 TURN = 2.0  # [s] held out in one piece: several times what the filters remember of an innovation
 
 
@@ -143,9 +144,25 @@ def fitted(hypothesis: Hypothesis, unit: Unit) -> Floats:
 
 
 def fifths(rows: Rows, count: int = 5) -> list[Unit]:
+    """Contiguous stretches of equal length of a single flight."""
+    edges = np.linspace(rows.t.min(), rows.t.max(), count + 1)
+    which = np.clip(np.searchsorted(edges, rows.t, side="right") - 1, 0, count - 1)
+    return [Unit(0, which == i) for i in range(count)]
+
+
+def turns(rows: Rows, count: int = 5) -> list[Unit]:
     """Every fifth stretch of TURN of a single flight: each has seen all that the flight passed through."""
     turn = np.floor((rows.t - rows.t.min()) / TURN).astype(int) % count
     return [Unit(0, turn == i) for i in range(count)]
+
+
+def confined(rows: Rows, keys: Collection[str], units: Sequence[Unit]) -> bool:
+    """Whether one of these parameters shows in one unit alone, so that nothing could be learnt from the others."""
+    for key in keys:
+        shows = np.array([float(np.sum(rows.signatures[key][unit.rows] ** 2)) for unit in units])
+        if shows.max() > ALONE * shows.sum():
+            return True
+    return False
 
 
 def whole(flights: Sequence[Rows]) -> list[Unit]:

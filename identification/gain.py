@@ -2,8 +2,8 @@
 
 Three models are held against the same rows: nothing wrong (everything toleranced is free within its tolerance), the
 causes asserted, and everything free at once, which is what a fit of all parameters without a question about causes
-comes to. Flights handed in for it are judged if there are any; else each flight by the others; else every fifth
-stretch of the only one by the rest of it.
+comes to. Flights handed in for it are judged if there are any; else each flight by the others; else each
+contiguous fifth of the only one by the rest of it, or shorter stretches where the rest would show nothing of a cause.
 """
 
 from collections.abc import Collection, Sequence
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from identification.bench import Bench
 from identification.diagnosis import Diagnosis
-from identification.folds import TURN, Hypothesis, Unit, fifths, fitted, predict, whole
+from identification.folds import TURN, Hypothesis, Unit, confined, fifths, fitted, predict, turns, whole
 from identification.refit import Refit
 from identification.search import Names
 from identification.stack import Rows
@@ -125,7 +125,7 @@ def compare(diagnosis: Diagnosis, before: Names, after: Names, heldout: Bench | 
         one, two = (_hypothesis(heldout, fit, bench, names) for fit, names in ((old, before), (new, after)))
         tests = [one, two, _everything(bench, two)]
     target = tests[1] if tests[1] is not None else second
-    how, units = _units(first.flights, heldout, bench)
+    how, units = _units(second.flights, heldout, bench, _own(bench, after))
     held_units = units if heldout is None else whole(target.flights)
     count = range(len(held_units))
     held = [
@@ -181,12 +181,18 @@ def _hypothesis(flown: Bench, fit: Refit, fitted_on: Bench, names: Sequence[str]
     return Hypothesis(flights, _free(fitted_on, names), shift, _own(fitted_on, names))
 
 
-def _units(flights: Sequence[Rows], heldout: Bench | None, bench: Bench) -> tuple[str, list[Unit]]:
+def _units(
+    flights: Sequence[Rows], heldout: Bench | None, bench: Bench, own: Collection[str]
+) -> tuple[str, list[Unit]]:
     if heldout is not None:
         return f"{len(heldout.names)} other flight(s), fitted to {len(bench.names)}", whole(flights)
     if len(flights) > 1:
         return f"each of {len(flights)} flights by the others", whole(flights)
-    return f"stretches of {TURN:g} s of the flight, every fifth of them by the others", fifths(flights[0])
+    parts = fifths(flights[0])
+    if not confined(flights[0], own, parts):
+        return "contiguous fifths of the flight, each by the others", parts
+    turned = f"every fifth stretch of {TURN:g} s by the others: what is named shows in one fifth of the flight alone"
+    return turned, turns(flights[0])
 
 
 def _residuals(

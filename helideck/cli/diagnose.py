@@ -34,7 +34,7 @@ class Diagnose:
     """Flights known to be good: the vehicle's numbers are fitted to them first, and written as nominal.toml."""
 
     heldout: Logs = ()
-    """Flights used for the gain alone; by default each flight in turn, or stretches of a single one."""
+    """Flights used for the gain alone; by default each flight in turn, or contiguous fifths of a single one."""
 
     mapping: Path | None = None
     """What a CSV's columns are: file, or a name in assets/mappings; by default LOG.mapping.toml, if it is there."""

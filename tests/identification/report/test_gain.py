@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from identification.folds import Hypothesis, Unit, fifths, fitted, predict, whole
+from identification.folds import Hypothesis, Unit, confined, fifths, fitted, predict, turns, whole
 from identification.gain import compare, measure, of_each
 from identification.stack import Rows
 
@@ -55,6 +55,17 @@ def test_held_out_likelihood_is_the_ratio_of_two_gaussians(single: bool) -> None
         assert found == pytest.approx(the_long_way(rows, units, held, std, shift), abs=1e-9)
 
 
+def test_a_cause_that_shows_in_one_fifth_alone_is_held_out_in_short_stretches() -> None:
+    (rows,) = flights(np.random.default_rng(5), 1, rows=400)
+    parts = fifths(rows)
+    assert not confined(rows, ["a", "b"], parts)  # unlike the next, it shows all along
+    late = dict(rows.signatures) | {"a": np.where(parts[-1].rows, rows.signatures["a"], 0.0)}
+    ending = replace(rows, signatures=late)
+    assert confined(ending, ["a"], parts)
+    assert not confined(ending, ["b"], parts)
+    assert sum(bool((unit.rows & parts[-1].rows).any()) for unit in turns(ending)) >= 4
+
+
 def test_other_flights_are_predicted_from_all_that_were_fitted() -> None:
     rng = np.random.default_rng(4)
     rows = flights(rng, 3)
@@ -97,7 +108,7 @@ def test_a_right_cause_gains_in_its_channel_on_what_was_not_fitted(diagnosed: An
 
 def test_one_flight_is_judged_by_its_stretches_and_other_flights_by_themselves(diagnosed: Any) -> None:
     one = diagnosed({"terms.ground_effect.gain": 3.0}, flights=1)
-    assert "stretches" in measure(one).how
+    assert "fifths" in measure(one).how
     others = diagnosed({"terms.ground_effect.gain": 3.0}, flights=2, seed=9).bench
     apart = measure(one, others)
     assert "other flight" in apart.how
