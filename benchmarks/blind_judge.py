@@ -187,6 +187,9 @@ def worth(
     if not true or not found.verdict.baseline.certified or any(name not in search.causes for name in true):
         return None, None
     held = diagnosis.open_bench(logs(made.heldout), nominal, bench)
+    known_there = {cause.name for cause in held.causes}
+    if any(not values and name not in known_there for name, values in true.items()):
+        return None, None  # these flights show nothing of it
     own = {name: [p.key for p in search.causes[name].parameters] for name in {*true, *found.causes}}
     touched = {key for keys in own.values() for key in keys}
     fitted = search.fit(found.causes)
