@@ -22,6 +22,7 @@ LIMITS: Mapping[str, float] = {  # [nats] that a cause must gain, by kind of veh
 NOTHING = "null", "threshold"  # parts
 FEWEST = 20  # sets from which a tail is read
 HIGHEST = 0.2  # of them
+FARTHEST = 1e-5  # of a tail that some tens of sets tell
 STRONG, MIDDLE, HOPELESS = 10.0, 6.0, 3.0  # d'
 OCCAM = 3.0  # [nats] that a parameter's wide prior costs, about log(spread over standard deviation)
 SURE = 0.9
@@ -243,10 +244,11 @@ def tail(records: Sequence[Record], threshold: float) -> str:
     begins = float(np.quantile(best, 1.0 - HIGHEST))
     above = best[best > begins] - begins
     beyond = HIGHEST * math.exp(-max(threshold - begins, 0.0) / float(above.mean()))
+    told = "one alarm" if beyond > FARTHEST else "less than one alarm"
     return (
         f"Best cause of {len(best)} sets with nothing wrong: median {np.median(best):.1f}, most {best[-1]:.1f} nats; a "
         f"cause must gain {threshold:g}. The highest fifth, as an exponential of {above.mean():.2f} nats from "
-        f"{begins:.1f} on, leaves one alarm in {1.0 / beyond:,.0f}.\n\n"
+        f"{begins:.1f} on, leaves {told} in {1.0 / max(beyond, FARTHEST):,.0f}.\n\n"
     )
 
 

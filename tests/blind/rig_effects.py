@@ -92,5 +92,5 @@ EFFECTS: Mapping[str, Draw] = {
 }  # fmt: skip
 # effect, the channel's joint, what it depends on
 UNKNOWN: Mapping[str, tuple[Draw, str, str]] = {
-    "cogging": (_cogging, "joints.pan", "angle"), "churning": (_churning, "joints.pan", "speed"),
+    "cogging": (_cogging, "joints.pan", "pan"), "churning": (_churning, "joints.pan", "pan_rate"),
 }  # fmt: skip
