@@ -34,7 +34,7 @@ SETTLED = 1.0  # [s] until the filter knows where it is
 LEAST_SAMPLES = 40  # to take a noise level from
 LEAST_FACTOR = 0.4  # of the declared one
 POINTING, STAMP = 5e-4, 2e-3  # [rad], [s]: what gyro and stamps leave open in turning from body to camera to world
-PAD_FLOOR, ANGLE_FLOOR = 0.0005, 5e-4  # [m], [rad] that no front end is better than
+PAD_FLOOR, ANGLE_FLOOR = 0.002, 1e-3  # [m], [rad] that no front end is better than
 TACH_SPAN = 0.3  # [s] over which the tachometer is smoothed
 REACH_MARGIN = 2.0  # [m] that GPS and barometer may both be too high
 CHI2_MEDIAN = 0.4549  # median of chi-square with one degree of freedom
@@ -364,7 +364,8 @@ def _noise_factors(kinds: Ints, times: Floats, stds: Floats, answers: Floats, be
         nu, s, r = answers[at, 0], answers[at, 1], stds[at]
         spread = np.median((nu / s) ** 2) / CHI2_MEDIAN  # of the innovation over what was expected
         share = np.median((r / s) ** 2)  # of the innovation's variance that is white noise
-        factors[kind] = math.sqrt(np.clip((spread - (1.0 - share)) / share, LEAST_FACTOR**2, 9.0))
+        least = 1.0 if kind >= k.PAD else LEAST_FACTOR  # a mark's floors are no noise
+        factors[kind] = math.sqrt(np.clip((spread - (1.0 - share)) / share, least**2, 9.0))
     return factors
 
 

@@ -22,6 +22,7 @@ Floats = NDArray[np.float64]
 ROUNDS = 12
 MOVED = 0.5  # of a prior's standard deviation, beyond which a signature is taken anew
 GAINED = 0.1  # nats that a round must promise
+RENEWALS = 2  # of all slopes, in one fit
 DAMPING = 0.3  # of the priors' precision, to begin with where a step went too far
 STIFFEST = 1e4  # damping beyond which there is no way down
 
@@ -124,38 +125,32 @@ def refit(
     prior = {key: std for key, std in prior.items() if std > 0.0}
     at = {key: value for key, value in (start or {}).items() if key in prior}
     anew = list(prior) if getattr(bench, "cheap", False) else own  # what slopes are taken anew of
-    fresh: set[str] = set(anew) & set(at)
-    best: _Point | None = None
-    damping = 0.0
     renew = getattr(bench, "renew", None)
     if renew:
         renew(None)
-    renewed = False
-    for _ in range(rounds):
+
+    def expand(at: dict[str, float], fresh: Collection[str] = ()) -> _Point:
         rows = _rows(bench, which, at, fresh)
         s = stack(rows, list(rows[0].signatures))
         std = np.array([prior.get(key, 0.0) for key in s.keys])
         shift = np.array([at[key] - bench.nominal[key] if key in at else 0.0 for key in s.keys])
-        here = _cost(s, std, shift)
-        if best is None or here < best.cost:
-            best = _Point(at, here, s, std, shift)
-            damping = 0.0 if damping < DAMPING else 0.2 * damping
-            renewed = False
-        elif renew and not renewed and here > best.cost + GAINED:
-            renew(best.at)
-            rows = _rows(bench, which, best.at, ())
-            s = stack(rows, list(rows[0].signatures))
-            best = replace(best, stack=s, cost=_cost(s, best.std, best.shift))
-            renewed = True
-        else:
-            damping = max(DAMPING, 5.0 * damping)
+        return _Point(at, _cost(s, std, shift), s, std, shift)
+
+    best, damping, renewed = expand(at, set(anew) & set(at)), 0.0, 0
+    for _ in range(rounds - 1):
         step, promised = _step(best.stack, best.std, best.shift, damping)
         if promised < GAINED or damping > STIFFEST:
             break
         moves = dict(zip(best.stack.keys, step.tolist(), strict=True))
         at = {key: bench.bounded(key, best.at.get(key, bench.nominal[key]) + moves[key]) for key in prior}
-        fresh = {key for key in anew if abs(moves[key]) > MOVED * prior[key]}
-    assert best is not None
+        here = expand(at, {key for key in anew if abs(moves[key]) > MOVED * prior[key]})
+        if here.cost < best.cost:
+            best, damping = here, 0.0 if damping < DAMPING else 0.2 * damping
+        elif renew and renewed < RENEWALS:
+            renew(best.at)
+            best, renewed = expand(best.at), renewed + 1
+        else:
+            damping = max(DAMPING, 5.0 * damping)
     s, where = best.stack, best.at
     solved = _solve(s, best.std, best.shift, s.index(list(prior)))
     # what the last line promises and nobody saw does not count

@@ -134,13 +134,14 @@ class Search:
             own = self.causes[score.causes[0]].parameters
             far = [at | {p.key: self.bench.nominal[p.key] + part * self.bench.spreads[p.key] for p in own}
                    for part in SHARES]  # fmt: skip
-            places = [min(far, key=lambda place: refit(self.bench, chosen, place, rounds=1).cost), at]
+            places = [min([at, *far], key=lambda place: refit(self.bench, chosen, place, rounds=1).cost)]
         found: Refit | None = None
         for place in places:
             other = refit(self.bench, chosen, place)
             if found is None or other.log_evidence > found.log_evidence:
                 found = other
-            if found.log_evidence > start.log_evidence + score.log_evidence - CLOSE:
+            kept = found.log_evidence > start.log_evidence + score.log_evidence - CLOSE
+            if kept or score.log_evidence < self.threshold:
                 break
         assert found is not None
         self.refits[larger] = found
