@@ -82,14 +82,18 @@ class HelicopterBench:
         return sheet.rows(knobs, {key: changes[key] - self.nominal[key] for key in changes.keys() - knobs.keys()})
 
     def renew(self, at: Mapping[str, float] | None) -> None:
-        """Take all slopes anew about these values; None: go back to those that every fit begins with."""
+        """Take the slopes of what has moved anew about these values, all where nothing has.
+
+        None: go back to those that every fit begins with.
+        """
         if at is None:
             for sheet in self.sheets:
                 sheet.start_over()
             return
         knobs = {key: value for key, value in at.items() if key in self.model.knobs}
         for sheet in self.sheets:
-            sheet.refresh(self._knob_keys, knobs)
+            moved = [key for key in self._knob_keys if self._moved(sheet, key, knobs)]
+            sheet.refresh(moved or self._knob_keys, knobs)
 
     def start(self, names: Sequence[str]) -> Mapping[str, float]:
         """Where a fit of these causes begins: where everything set free leads, the true numbers being near."""

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 ROUNDS = 12
 MOVED = 0.5  # of a prior's standard deviation, beyond which a signature is taken anew
 GAINED = 0.1  # nats that a round must promise
-RENEWALS = 2  # of all slopes, in one fit
+RENEWALS = 1  # of slopes, in one fit, each costs as much as ten rounds
 DAMPING = 0.3  # of the priors' precision, to begin with where a step went too far
 STIFFEST = 1e4  # damping beyond which there is no way down
 
