@@ -22,8 +22,8 @@ TERM = Term(
     stage=Stage.WRENCH,
     kernel=_drag,
     parameters=(
-        Parameter("area", "m^2", -1.0, 10.0, "equivalent flat plate"),
-        Parameter("linear", "N s/m", -10.0, 100.0, "per speed, as the drag of rotors is", 0.0),
+        Parameter("area", "m^2", 0.0, 10.0, "equivalent flat plate"),
+        Parameter("linear", "N s/m", 0.0, 100.0, "per speed, as the drag of rotors is", 0.0),
     ),
     source="flat plate of unit drag coefficient",
 )
