@@ -72,6 +72,10 @@ def predict(kind, dt, p, v, q, w, extra, setup, field, row):
             arm = r @ _cross(w, setup[0])
             row[V + axis] = 1.0
             value = v[axis] + arm[axis]
+            # what the gyro reads too much turns the arm as well
+            row[B_G] = r[axis, 1] * setup[0, 2] - r[axis, 2] * setup[0, 1]
+            row[B_G + 1] = r[axis, 2] * setup[0, 0] - r[axis, 0] * setup[0, 2]
+            row[B_G + 2] = r[axis, 0] * setup[0, 1] - r[axis, 1] * setup[0, 0]
         # d(R l) = phi x (R l)
         if axis == 0:
             row[PHI + 1], row[PHI + 2] = arm[2], -arm[1]

@@ -6,7 +6,7 @@ Along a recorded way both filters are linear, so the change follows by the same 
 import numba
 import numpy as np
 
-from identification.kinematics import PHI, STATES, V, transition
+from identification.kinematics import B_G, PHI, STATES, V, transition
 
 
 @numba.njit(cache=True, nogil=True)
@@ -39,6 +39,11 @@ def sensor_signatures(way, rows, gains, answers, first, step, decay, dz, df, dw)
                 continue
             for c in range(columns):
                 change[c] = dz[m, c]
+            for j in range(3):  # a rate that is read too much is a bias that was not taken off
+                h = rows[m, B_G + j]
+                if h != 0.0:
+                    for c in range(columns):
+                        change[c] += h * dw[n, j, c]
             for i in range(STATES):
                 h = rows[m, i]
                 if h != 0.0:
