@@ -29,7 +29,12 @@ class Baseline:
 
 
 class Bench(Protocol):
-    """Flights of one vehicle, prepared: one class a kind of vehicle."""
+    """Flights of one vehicle, prepared: one class a kind of vehicle.
+
+    A bench may also have: `threshold` [nats] of its own; `start(names)`, where the fit of a set begins; `renew(at)`,
+    which takes slopes anew about `at`, or those of the beginning for None; `rough`, causes of which a slope says
+    little; `apart`, true where flights may be taken side by side; `cheap`, true where slopes cost nothing.
+    """
 
     vehicle: Vehicle
     names: Sequence[str]  # of the flights

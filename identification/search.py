@@ -124,19 +124,8 @@ class Search:
         if larger in self.refits:
             return larger
         start, chosen = self.fit(names), [self.causes[name] for name in larger]
-        at = dict(start.at)
-        values = {key: at.get(key, self.bench.nominal[key]) for key in score.mean}
-        moved = {key: self.bench.bounded(key, values[key] + step) for key, step in score.mean.items()}
-        begin = getattr(self.bench, "start", None)
-        # where all else stays, a long step of one number alone may lead astray: it is the bench that knows
-        places = [at, dict(begin(larger))] if begin else [at | moved, at]
-        if score.causes[0] in getattr(self.bench, "rough", ()):
-            own = self.causes[score.causes[0]].parameters
-            far = [at | {p.key: self.bench.nominal[p.key] + part * self.bench.spreads[p.key] for p in own}
-                   for part in SHARES]  # fmt: skip
-            places = [min([at, *far], key=lambda place: refit(self.bench, chosen, place, rounds=1).cost)]
         found: Refit | None = None
-        for place in places:
+        for place in self._places(larger, score, dict(start.at)):
             other = refit(self.bench, chosen, place)
             if found is None or other.log_evidence > found.log_evidence:
                 found = other
@@ -146,6 +135,20 @@ class Search:
         assert found is not None
         self.refits[larger] = found
         return larger
+
+    def _places(self, larger: Names, score: Score, at: dict[str, float]) -> list[dict[str, float]]:
+        """Where the fit of a larger set may begin; at: where the smaller one ended."""
+        bench, parameters = self.bench, self.causes[score.causes[0]].parameters
+        if score.causes[0] in getattr(bench, "rough", ()):  # a slope says little of it
+            far = [at | {p.key: bench.nominal[p.key] + share * bench.spreads[p.key] for p in parameters}
+                   for share in SHARES]  # fmt: skip
+            chosen = [self.causes[name] for name in larger]
+            return [min([at, *far], key=lambda place: refit(bench, chosen, place, rounds=1).cost)]
+        begin = getattr(bench, "start", None)
+        if begin:  # where a long step of one number alone would lead astray
+            return [at, dict(begin(larger))]
+        values = {key: at.get(key, bench.nominal[key]) for key in score.mean}
+        return [at | {key: bench.bounded(key, values[key] + step) for key, step in score.mean.items()}, at]
 
     def _without(self, names: Names, name: str) -> Names:
         """A set less one cause, fitted from where the set is too: what a cause gains is not what its absence lost."""
