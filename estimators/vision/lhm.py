@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 Floats = NDArray[np.float64]
 
@@ -27,6 +28,7 @@ LEAP_EVERY = 4  # rounds
 EARLY, NEWTON = 4, 20  # rounds before Newton's steps are tried; their number
 LONGEST, ARRIVED = 0.3, 1e-8  # [rad] of a step; of the last
 MIRRORED = math.radians(0.05)  # minima closer than this are one
+TURNS = Rotation.create_group("O").as_matrix()  # (24, 3, 3) of a cube upon itself
 
 
 _TURNS = np.array([
@@ -220,13 +222,16 @@ def solve(
     """Poses of an object of points (N, 3), N >= 4, seen along rays (N, 3) with z > 0 in camera axes; the best first.
 
     start (3, 3): where the iteration begins; by default the weak perspective of the original. flat: all points have
-    z = 0, look for the second minimum. settled [rad]: as `iterate` has it. Poses that put the object behind the camera
-    are left out.
+    z = 0, look for the second minimum; else the beginning is also turned as a cube upon itself and the best is kept,
+    since few points of a solid object leave the weak perspective in a wrong valley now and then. settled [rad]: as
+    `iterate` has it. Poses that put the object behind the camera are left out.
     """
     sums = gather(points, rays)
     begins = [nearest_rotation(sums.spread) if start is None else np.asarray(start, float)]
     found: list[PointPose] = []
-    for number in range(2 if flat else 1):
+    if not flat and start is None:
+        begins = list(begins[0] @ TURNS)
+    for number in range(2 if flat else len(begins)):
         rotation, rounds = descend(sums, begins[number], settled)
         found.append(PointPose(rotation, translation(sums, rotation), float(error(sums, rotation)), rounds))
         if number == 0 and flat:
@@ -234,9 +239,10 @@ def solve(
             if second is None:
                 break
             begins.append(second)
-    if len(found) == 2 and np.max(np.abs(found[0].rotation - found[1].rotation)) < MIRRORED:
+    if flat and len(found) == 2 and np.max(np.abs(found[0].rotation - found[1].rotation)) < MIRRORED:
         found.pop()
-    return sorted((pose for pose in found if pose.translation[2] > 0.0), key=lambda pose: pose.error)
+    poses = sorted((pose for pose in found if pose.translation[2] > 0.0), key=lambda pose: pose.error)
+    return poses if flat else poses[:1]
 
 
 def covariance(points: Floats, pose: PointPose, std_ray: float | Floats) -> Floats:
