@@ -28,7 +28,7 @@ LEAP_EVERY = 4  # rounds
 EARLY, NEWTON = 4, 20  # rounds before Newton's steps are tried; their number
 LONGEST, ARRIVED = 0.3, 1e-8  # [rad] of a step; of the last
 MIRRORED = math.radians(0.05)  # minima closer than this are one
-TURNS = Rotation.create_group("O").as_matrix()  # (24, 3, 3) of a cube upon itself
+CUBE = Rotation.create_group("O").as_matrix()  # (24, 3, 3) of a cube upon itself
 
 
 _TURNS = np.array([
@@ -227,22 +227,29 @@ def solve(
     `iterate` has it. Poses that put the object behind the camera are left out.
     """
     sums = gather(points, rays)
-    begins = [nearest_rotation(sums.spread) if start is None else np.asarray(start, float)]
-    found: list[PointPose] = []
-    if not flat and start is None:
-        begins = list(begins[0] @ TURNS)
-    for number in range(2 if flat else len(begins)):
-        rotation, rounds = descend(sums, begins[number], settled)
-        found.append(PointPose(rotation, translation(sums, rotation), float(error(sums, rotation)), rounds))
-        if number == 0 and flat:
-            second = second_start(sums, rotation)
-            if second is None:
-                break
-            begins.append(second)
-    if flat and len(found) == 2 and np.max(np.abs(found[0].rotation - found[1].rotation)) < MIRRORED:
-        found.pop()
-    poses = sorted((pose for pose in found if pose.translation[2] > 0.0), key=lambda pose: pose.error)
-    return poses if flat else poses[:1]
+    begin = nearest_rotation(sums.spread) if start is None else np.asarray(start, float)
+    if not flat:
+        found = [_pose(sums, turned, settled) for turned in (begin @ CUBE if start is None else [begin])]
+        return sorted((pose for pose in found if pose.translation[2] > 0.0), key=lambda pose: pose.error)[:1]
+    found = [_pose(sums, begin, settled)]
+    for second in (second_start(sums, found[0].rotation), _mirrored(found[0])):
+        other = None if second is None else _pose(sums, second, settled)
+        if other is not None and np.max(np.abs(found[0].rotation - other.rotation)) >= MIRRORED:
+            found.append(other)
+            break
+    return sorted((pose for pose in found if pose.translation[2] > 0.0), key=lambda pose: pose.error)
+
+
+def _pose(sums: Sums, begin: Floats, settled: float) -> PointPose:
+    """Where the iteration from one beginning ends."""
+    rotation, rounds = descend(sums, begin, settled)
+    return PointPose(rotation, translation(sums, rotation), float(error(sums, rotation)), rounds)
+
+
+def _mirrored(pose: PointPose) -> Floats:
+    """(3, 3) the other attitude in which a flat object looks alike from far away: its plane tilted the other way."""
+    sight = pose.translation / np.linalg.norm(pose.translation)
+    return np.asarray((np.eye(3) - 2.0 * np.outer(sight, sight)) @ pose.rotation * [1.0, 1.0, -1.0])
 
 
 def covariance(points: Floats, pose: PointPose, std_ray: float | Floats) -> Floats:

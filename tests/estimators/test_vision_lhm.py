@@ -44,10 +44,9 @@ def scattered(rng, count, flat):
 angle = st.floats(-0.6, 0.6)
 
 
-# always the same draws: of 1500 flat objects of 6, 8 and 10 points 2, 1 and 1 end in the mirrored valley, where the
-# second start finds nothing; of 3000 solid ones none
-@settings(max_examples=60, derandomize=True)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6), st.integers(6, 20), st.booleans(), angle, angle, st.floats(-3.1, 3.1), st.floats(1.5, 12))
+@example(196971, 6, True, -0.5, -0.5, 1.0, 2.0)  # the second start finds nothing
 @example(38951, 6, False, 0.0, 0.0, 0.0, 2.0)  # from the weak perspective alone it ends 1.3 rad off
 def test_without_noise_it_finds_the_pose(seed, count, flat, tilt_x, tilt_y, turn, depth):
     rng = np.random.default_rng(seed)
