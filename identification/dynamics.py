@@ -10,8 +10,9 @@ from numba import types
 from numpy.typing import NDArray
 
 from identification.grid import CONTROLS, DENSITY, HEIGHT, ROTATION, ROTOR, VELOCITY, Grid
+from sim.kernel_call import ADDRESSES
 from sim.pipeline import Pipeline, run, settle
-from sim.terms.contract import GEOMETRY, KERNEL, SIGNALS
+from sim.terms.contract import GEOMETRY, SIGNALS
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +34,7 @@ _counts = types.Array(types.int64, 1, "C")
 
 @numba.njit(
     types.void(
-        types.ListType(types.FunctionType(KERNEL)), _spans, types.Array(_signals, 1, "C"),
+        ADDRESSES, _spans, types.Array(_signals, 1, "C"),
         types.Array(_geometry, 1, "C"), _vector, _vector, types.int64, _counts, _table, _vector, _vector, _vector,
         _vector, _table,
     ),

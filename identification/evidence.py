@@ -27,9 +27,9 @@ Floats = NDArray[np.float64]
 DRIVEN = 100  # number of the first channel of the model's; below stand those of the sensors
 # what shows in a tenth of a second needs the simulator's own tick for its slope too
 QUICK = (
-    "terms.servo.delay", "terms.servo.tau", "terms.servo.rate_limit", "terms.flapping", "terms.hub", "inertia",
-    "terms.deadband", "terms.cg_offset", "rotor.nominal_speed", "sensors.imu.position", "terms.main_rotor.inflow_mass",
-    "terms.rotor_droop",
+    "terms.servo.delay", "terms.servo.tau", "terms.servo.second", "terms.servo.rate_limit", "terms.flapping",
+    "terms.hub", "inertia", "terms.deadband", "terms.cg_offset", "rotor.nominal_speed", "sensors.imu.position",
+    "terms.main_rotor.inflow_mass", "terms.rotor_droop",
 )  # fmt: skip
 WIND_STEP = 0.5  # [m/s]
 WIND_CLOSE, WIND_ROUNDS = 0.15, 5  # [m/s] within which a flight's wind is where it belongs; tries to get there

@@ -180,6 +180,7 @@ STEPS = {
     "terms.cg_offset.y": 0.003,
     "terms.cg_offset.z": 0.01,
     "terms.servo.delay": 0.008,
+    "terms.servo.second": 0.1,
     "terms.fuel.rate": 2e-4,
     "terms.rotor_droop.droop": 0.03,
 }

@@ -197,7 +197,8 @@ def linearise(pipeline: Pipeline, trim: Trim) -> LinearModel:
     x0 = np.concatenate([(trim.roll, trim.pitch, trim.heading), np.zeros(3), r.T @ trim.velocity, trim.state[index]])
     u0 = np.array(trim.controls)
     try:
-        for term, name in (("servo", "delay"), ("servo", "throttle_delay"), ("fuel", "rate")):
+        # a second stage of the servos counts as part of the first: late by the same time
+        for term, name in (("servo", "delay"), ("servo", "throttle_delay"), ("servo", "second"), ("fuel", "rate")):
             if term in names:
                 pipeline.set_parameter(term, name, 0.0)
         a = _differences(lambda x: derivative(x, u0), x0)

@@ -7,8 +7,9 @@ from numba import types
 from flightlog.atmosphere import density_at, pressure_at, temperature_at
 from flightlog.constants import GRAVITY
 from flightlog.rotations import matrix
+from sim.kernel_call import ADDRESSES
 from sim.pipeline import run
-from sim.terms.contract import GEOMETRY, KERNEL, SIGNALS
+from sim.terms.contract import GEOMETRY, SIGNALS
 
 BEYOND = 1e9  # in SI, whatever it is: no position, speed or force of a flight comes near
 
@@ -50,7 +51,7 @@ def finite(qpos, qvel, rotor_speed):  # type: ignore[no-untyped-def]
 
 @numba.njit(
     types.boolean(
-        types.ListType(types.FunctionType(KERNEL)), _spans, types.Array(_signals, 1, "C"),
+        ADDRESSES, _spans, types.Array(_signals, 1, "C"),
         types.Array(_geometry, 1, "C"), _vector, _vector, types.float64, _vector, _vector, _vector, types.float64,
         types.float64, types.UniTuple(types.float64, 5), _vector, _vector,
     ),

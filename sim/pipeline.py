@@ -1,19 +1,17 @@
 """The terms in force, put in order and run as one compiled call."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numba
 import numpy as np
 from numba import types
-from numba.typed import List
 from numpy.typing import NDArray
 
-from sim.terms.contract import GEOMETRY, KERNEL, SIGNALS, Kernel, Term
+from sim.kernel_call import ADDRESSES, addresses, call
+from sim.terms.contract import GEOMETRY, SIGNALS, Term
 
 Floats = NDArray[np.float64]
 
-_kernel_type = types.FunctionType(KERNEL)
 _signals = numba.from_dtype(SIGNALS)
 _geometry = numba.from_dtype(GEOMETRY)
 _vector = types.Array(types.float64, 1, "C")
@@ -21,7 +19,7 @@ _spans = types.Array(types.int64, 2, "C")
 
 
 @numba.njit(
-    types.void(types.ListType(_kernel_type), _spans, _signals, _geometry, _vector, _vector, types.float64), cache=True
+    types.void(ADDRESSES, _spans, _signals, _geometry, _vector, _vector, types.float64), cache=True
 )
 def run(kernels, spans, s, v, x, p, dt):  # type: ignore[no-untyped-def]
     """Bring the model dt [s] further: `s`, `x` in place; spans (N, 4): where each term's states and parameters lie."""
@@ -31,12 +29,12 @@ def run(kernels, spans, s, v, x, p, dt):  # type: ignore[no-untyped-def]
         s.force[axis] = 0.0
         s.moment[axis] = 0.0
     for i in range(len(kernels)):
-        kernels[i](s, v, x[spans[i, 0] : spans[i, 1]], p[spans[i, 2] : spans[i, 3]], dt)
+        call(kernels[i], s, v, x, spans[i, 0], spans[i, 1], p, spans[i, 2], spans[i, 3], dt)  # type: ignore[call-arg]
 
 
 @numba.njit(
     types.void(
-        types.ListType(_kernel_type), _spans, _signals, _geometry, _vector, _vector, types.float64, types.int64,
+        ADDRESSES, _spans, _signals, _geometry, _vector, _vector, types.float64, types.int64,
         types.int64, types.float64,
     ),
     cache=True,
@@ -53,23 +51,6 @@ def settle(kernels, spans, s, v, x, p, dt, steps, held, value):  # type: ignore[
         x[held] = value
 
 
-class _Address(types.WrapperAddressProtocol):  # type: ignore[misc]
-    """A compiled kernel by its address: numba then sees one type of function and not one a kernel.
-
-    Appending a kernel itself to a typed list compiles the appending anew for each, 3 s in every process.
-    """
-
-    def __init__(self, kernel: Kernel) -> None:
-        compiled = kernel.get_compile_result(KERNEL)  # type: ignore[attr-defined]
-        self._address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
-
-    def __wrapper_address__(self) -> int:
-        return int(self._address)
-
-    def signature(self) -> Any:
-        return KERNEL
-
-
 class Pipeline:
     """The model of one vehicle: terms in their order, parameters and states in flat vectors."""
 
@@ -79,13 +60,12 @@ class Pipeline:
         """Build from `terms` with `parameters` by term and name, SI; raises KeyError for one that is missing."""
         self.terms = tuple(sorted(terms, key=lambda term: term.stage))  # stable: file order within a stage
         self.geometry = geometry
-        self.kernels = List.empty_list(_kernel_type)
+        self.kernels = addresses([term.kernel for term in self.terms])
         spans = []
         state_names: list[str] = []
         values: list[float] = []
         initial: list[float] = []
         for term in self.terms:
-            self.kernels.append(_Address(term.kernel))
             first_state, first_parameter = len(state_names), len(values)
             state_names += [f"{term.name}.{name}" for name in term.states]
             initial += list(term.initial) or [0.0] * len(term.states)

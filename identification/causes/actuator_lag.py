@@ -1,12 +1,15 @@
-"""The servos follow slower than declared."""
+"""The servos follow slower than declared, by a lag of first or second order."""
 
 from identification.causes.contract import Cause, Parameter
 
 CAUSE = Cause(
     name="actuator_lag",
     where="plant",
-    parameters=(Parameter("tau", "s", "terms.servo.tau", 0.06),),
-    about="time constant of the servos",
+    parameters=(
+        Parameter("tau", "s", "terms.servo.tau", 0.06),
+        Parameter("second", "1", "terms.servo.second", 0.25),
+    ),
+    about="time constant of the servos, and the share that a second stage has of it",
     split_by={"actuator_delay": "doublets of half a second on every control: a lag rounds them, a delay shifts them"},
 )
 

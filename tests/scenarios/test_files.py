@@ -152,7 +152,7 @@ def test_what_pictures_cannot_do_is_refused_before_any_is_made(refused, text, me
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('unit = "kg/s"', 'unit = "m/s"', "craft.toml:42: terms.fuel.rate: unit 'm/s' does not fit; expected kg/s"),
+        ('unit = "kg/s"', 'unit = "m/s"', "craft.toml:43: terms.fuel.rate: unit 'm/s' does not fit; expected kg/s"),
         ('unit = "ms"', 'unit = "rad"', "unit 'rad' does not fit; expected one of s, ms, min"),
         ("mass = {value = 5.0", "mass = {value = 0.0", "craft.toml:6: mass: must be more than 0 kg (got 0)"),
         ("mass = {value = 5.0", 'mass = {value = "5"', "craft.toml:6: mass.value: must be a number (got '5')"),

@@ -1,3 +1,4 @@
+import control as ct
 import numpy as np
 import pytest
 
@@ -56,6 +57,18 @@ def test_the_lag_is_first_order(servo):
     out = respond(pipeline, [0.0] + [0.05] * 60, 0.002)
     t = np.arange(61) * 0.002
     np.testing.assert_allclose(out, 0.05 * (1.0 - np.exp(-t / 0.026)), atol=1e-12)
+
+
+@pytest.mark.parametrize("second", [0.1, 0.3, 0.499])
+def test_a_second_stage_makes_the_lag_of_second_order(servo, second):
+    tau, dt = 0.05, 0.0005
+    pipeline = servo(delay=0.0, tau=tau, second=second, rate_limit=100.0)
+    out = respond(pipeline, [0.0] + [0.05] * 800, dt)
+    t = np.arange(801) * dt
+    plant = ct.tf([1.0], np.polymul([(1.0 - second) * tau, 1.0], [second * tau, 1.0]))
+    _, exact = ct.step_response(plant, t)
+    np.testing.assert_allclose(out, 0.05 * exact, atol=0.05 * 0.01)  # a tick between the stages
+    assert np.sum(0.05 - out) * dt / 0.05 == pytest.approx(tau, abs=1.5 * dt)  # late by tau in all
 
 
 def test_the_rate_is_limited_and_the_stops_hold(servo):
