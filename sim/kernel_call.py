@@ -34,8 +34,9 @@ def addresses(kernels: "list[Kernel]") -> NDArray[np.int64]:
 
 @intrinsic
 def call(
-    typing: Any, address: Any, s: Any, v: Any, x: Any, x_first: Any, x_end: Any, p: Any, p_first: Any, p_end: Any, dt: Any
-) -> Any:
+    typing: Any, address: Any, s: Any, v: Any, x: Any, x_first: Any, x_end: Any, p: Any, p_first: Any, p_end: Any,
+    dt: Any,
+) -> Any:  # fmt: skip
     """The kernel at `address` with s, v, x[x_first:x_end], p[p_first:p_end] and dt; what it raises is raised."""
 
     def code(context: Any, builder: Any, signature: Any, given: Any) -> Any:
