@@ -125,20 +125,30 @@ def _whole(bank: Bank, bases: Mapping[str, Basis], effect: Effect, flight: int, 
 
 def weigh(moments: Moments) -> Weighed:
     """The evidence of a curve, averaged over its prior's sizes and numbers of functions."""
-    g, b = moments.information, moments.score
-    scale = 1.0 / np.sqrt(max(float(np.diag(g).max()), 1e-300))
-    tried: list[tuple[float, float, int]] = []
-    for number in NUMBERS:
-        for size in SIZES:
-            d = scale * size * SHRINK[:number]
-            factor = cho_factor(np.eye(number) + d[:, None] * g[:number, :number] * d)
-            evidence = 0.5 * float((d * b[:number]) @ cho_solve(factor, d * b[:number]))
-            tried.append((evidence - float(np.log(np.diag(factor[0])).sum()), size, number))
-    nats = float(np.logaddexp.reduce(np.array([t[0] for t in tried]))) - math.log(len(tried))
-    _, size, number = max(tried)
-    std = scale * size * SHRINK * (np.arange(len(b)) < number)
-    mean, covariance = posterior(moments, std)
-    return Weighed(nats, mean, covariance, std, math.sqrt(max(float(mean @ g @ mean), 0.0)))
+    return weigh_all([moments])[0]
+
+
+def weigh_all(moments: Sequence[Moments]) -> list[Weighed]:
+    """`weigh` of each of these, (S,) functions in all of them."""
+    g = np.stack([m.information for m in moments])  # (K, S, S)
+    b = np.stack([m.score for m in moments])
+    functions = b.shape[1]
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(g, axis1=1, axis2=2).max(axis=1), 1e-300))
+    tried = [(number, size) for number in NUMBERS for size in SIZES]
+    # (T, S): a function that is left out is held at nothing
+    shrink = np.array([size * SHRINK[:functions] * (np.arange(functions) < number) for number, size in tried])
+    d = scale[:, None, None] * shrink  # (K, T, S)
+    lower = np.linalg.cholesky(np.eye(functions) + d[..., :, None] * g[:, None] * d[..., None, :])
+    pulled = np.linalg.solve(lower, (d * b[:, None])[..., None])[..., 0]
+    logs = np.log(np.diagonal(lower, axis1=2, axis2=3)).sum(axis=2)
+    evidence = 0.5 * np.sum(pulled**2, axis=2) - logs  # (K, T)
+    nats = np.logaddexp.reduce(evidence, axis=1) - math.log(len(tried))
+    found = []
+    for m, value, std in zip(moments, nats.tolist(), d[np.arange(len(d)), np.argmax(evidence, axis=1)], strict=True):
+        mean, covariance = posterior(m, std)
+        strength = math.sqrt(max(float(mean @ m.information @ mean), 0.0))
+        found.append(Weighed(value, mean, covariance, std, strength))
+    return found
 
 
 def posterior(moments: Moments, std: Floats) -> tuple[Floats, Floats]:
@@ -181,12 +191,15 @@ def scan(
         parts = [bank.columns(i, way, shape) for i, shape in enumerate(shapes)]
         return [elimination.moments(parts) for elimination in eliminations]
 
+    def cut(whole: Moments, n: int) -> Moments:
+        own = slice(n * FUNCTIONS, (n + 1) * FUNCTIONS)
+        return Moments(whole.information[own, own], whole.score[own])
+
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         for way, moments in zip(bank.ways, pool.map(along, bank.ways), strict=True):
             for found_here, whole in zip(found, moments, strict=True):
-                for n, driver in enumerate(bases):
-                    own = slice(n * FUNCTIONS, (n + 1) * FUNCTIONS)
-                    found_here[way, driver] = weigh(Moments(whole.information[own, own], whole.score[own]))
+                weighed = weigh_all([cut(whole, n) for n in range(len(bases))])
+                found_here |= {(way, driver): item for driver, item in zip(bases, weighed, strict=True)}
     return found
 
 
