@@ -37,6 +37,7 @@ POINTING, STAMP = 5e-4, 2e-3  # [rad], [s]: what gyro and stamps leave open in t
 PAD_FLOOR, ANGLE_FLOOR = 0.002, 1e-3  # [m], [rad] that no front end is better than
 TACH_SPAN = 0.3  # [s] over which the tachometer is smoothed
 REACH_MARGIN = 2.0  # [m] that GPS and barometer may both be too high
+MOST_ALIKE = 0.98  # correlation of neighbouring innovations
 CHI2_MEDIAN = 0.4549  # median of chi-square with one degree of freedom
 
 
@@ -320,7 +321,7 @@ def _filter(
             # where the ground carries the vehicle, nobody knows what the rotor does
             standing = np.interp(times, imu_t[ends], _touched(height)) > 0.0
             unsure = np.where(standing, np.abs(shifts), 0.0)
-            stds = stds * _noise_factors(kinds, times, stds, answers, imu_t[0] + SETTLED)[kinds]
+            stds = stds * _noise_factors(kinds, times, stds, answers, imu_t[0] + SETTLED, measurements[4])[kinds]
     motion = Motion(
         STEP, imu_t[ends], first, kinds, times, values, stds, decay, way, rows, gains, answers,
         samples[ends, :3], samples[ends, 3:6], samples[ends, 6:],
@@ -354,8 +355,16 @@ def _mended(
     return start, prior
 
 
-def _noise_factors(kinds: Ints, times: Floats, stds: Floats, answers: Floats, begin: float) -> Floats:
-    """(KINDS,) by which each kind's white noise is larger than declared; by medians: outliers do not count."""
+def _noise_factors(
+    kinds: Ints, times: Floats, stds: Floats, answers: Floats, begin: float, declared: Floats
+) -> Floats:
+    """(KINDS,) by which each kind's white noise is larger than taken so far; by medians: outliers do not count.
+
+    Less than declared is believed only where it is white: a sensor that gives running means is quiet from sample to
+    sample and no better over a second. White noise of the same density at low frequency is sqrt((1 + c) / (1 - c))
+    times as large, where c is the correlation of neighbours (first-order memory); it is taken from that of their
+    differences, (c - 1) / 2, to which what varies slowly for other reasons adds nothing.
+    """
     factors = np.ones(k.KINDS)
     for kind in range(k.KINDS):
         at = (kinds == kind) & (times >= begin) & (answers[:, 2] > 0)
@@ -366,6 +375,11 @@ def _noise_factors(kinds: Ints, times: Floats, stds: Floats, answers: Floats, be
         share = np.median((r / s) ** 2)  # of the innovation's variance that is white noise
         least = 1.0 if kind >= k.PAD else LEAST_FACTOR  # a mark's floors are no noise
         factors[kind] = math.sqrt(np.clip((spread - (1.0 - share)) / share, least**2, 9.0))
+        most = float(np.median(declared[at] / r))
+        if factors[kind] < most:
+            steps = np.diff(nu / s)
+            alike = float(np.clip(1.0 + 2.0 * np.corrcoef(steps[:-1], steps[1:])[0, 1], 0.0, MOST_ALIKE))
+            factors[kind] = min(most, factors[kind] * math.sqrt((1.0 + alike) / (1.0 - alike)))
     return factors
 
 
