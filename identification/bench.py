@@ -33,7 +33,8 @@ class Bench(Protocol):
 
     A bench may also have: `threshold` [nats] of its own; `start(names)`, where the fit of a set begins; `renew(at)`,
     which takes slopes anew about `at`, or those of the beginning for None; `rough`, causes of which a slope says
-    little; `apart`, true where flights may be taken side by side; `cheap`, true where slopes cost nothing.
+    little; `apart`, true where flights may be taken side by side; `cheap`, true where slopes cost nothing;
+    `anew(causes, at)`, the same flights prepared about what these causes come to.
     """
 
     vehicle: Vehicle

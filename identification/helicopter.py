@@ -4,17 +4,16 @@ import os
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flightlog.tables import Table
-from flightlog.units import to_si
+from identification import about, noise_fit
 from identification import evidence as ev
 from identification import kinematics as k
-from identification import noise_fit
 from identification.bench import Baseline, Bench, Channel
+from identification.causes import CATALOGUE
 from identification.causes.contract import Cause
 from identification.drive import Noise
 from identification.dynamics import CHANNELS, UNITS
@@ -51,14 +50,24 @@ class HelicopterBench:
     apart = True  # flights share nothing that is written: they may be taken side by side
 
     def __init__(
-        self, logs: Mapping[str, Mapping[str, Table]], vehicle: Vehicle, like: "HelicopterBench | None" = None
-    ) -> None:
-        """Prepare the flights and fit the noise; UserError for a log that cannot carry a diagnosis."""
-        self.vehicle = vehicle
+        self, logs: Mapping[str, Mapping[str, Table]], vehicle: Vehicle, like: "HelicopterBench | None" = None,
+        prepared_at: Mapping[str, float] | None = None,
+    ) -> None:  # fmt: skip
+        """Prepare the flights and fit the noise; UserError for a log that cannot carry a diagnosis.
+
+        prepared_at: errors of sensors, absolute by key, with which the motion is filtered.
+        """
+        self.vehicle, self._logs = vehicle, logs
         self.names: Sequence[str] = list(logs)
         self.model = Model(vehicle)
+        units = {p.key: p.unit for cause in CATALOGUE.values() for p in cause.parameters}
+        given = prepared_at if like is None else like.prepared_at
+        measuring = about.with_errors(vehicle, given, units) if given else vehicle
+        self.prepared_at: Mapping[str, float] = {
+            key: about.number(measuring, key, units[key], value) for key, value in (given or {}).items()
+        }
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            self.flights: list[Flight] = list(pool.map(lambda log: prepare(log[0], log[1], vehicle), logs.items()))
+            self.flights: list[Flight] = list(pool.map(lambda log: prepare(log[0], log[1], measuring), logs.items()))
         topics = set.intersection(*(set(tables) for tables in logs.values()))
         self.causes: Sequence[Cause]
         self.not_testable: Mapping[str, Sequence[str]]
@@ -79,7 +88,20 @@ class HelicopterBench:
         wanted = [key for key in self._knob_keys if key in fresh and self._moved(sheet, key, knobs)]
         if wanted:
             sheet.refresh(wanted, knobs)
-        return sheet.rows(knobs, {key: changes[key] - self.nominal[key] for key in changes.keys() - knobs.keys()})
+        return sheet.rows(knobs, self.errors(changes))
+
+    def errors(self, values: Mapping[str, float]) -> dict[str, float]:
+        """By key, how far the sensors' numbers, nominal where not given, are from those that filtered the motion."""
+        keys = {key: None for key in (*values, *self.prepared_at) if key not in self.model.knobs}
+        return {
+            key: values.get(key, self.nominal[key]) - self.prepared_at.get(key, self.nominal[key]) for key in keys
+        }
+
+    def anew(self, causes: Sequence[Cause], at: Mapping[str, float]) -> "HelicopterBench | None":
+        """The same flights, filtered with these causes' errors of sensors as in `at`; None where there are none."""
+        own = [p.key for cause in causes if cause.changes is not None for p in cause.parameters]
+        errors = {key: at[key] for key in own if key.startswith(about.OF_SENSORS) and key in at}
+        return HelicopterBench(self._logs, self.vehicle, prepared_at=errors) if errors else None
 
     def renew(self, at: Mapping[str, float] | None) -> None:
         """Take the slopes of what has moved anew about these values, all where nothing has.
@@ -118,7 +140,7 @@ class HelicopterBench:
         knobs = self.model.knobs
         self._knob_keys = sorted({*(key for key in own if key in knobs), *(kn.key for kn in self.model.toleranced)})
         self.nominal: Mapping[str, float] = {
-            **{key: self._sensor_nominal(key, p.nominal, p.unit) for key, p in own.items() if key not in knobs},
+            **{key: about.number(self.vehicle, key, p.unit, p.nominal) for key, p in own.items() if key not in knobs},
             **{key: knobs[key].nominal for key in self._knob_keys},
         }
         self.units: Mapping[str, str] = {
@@ -127,13 +149,6 @@ class HelicopterBench:
         self.tolerances: Mapping[str, float]
         self.spreads: Mapping[str, float]
         self.tolerances, self.spreads = ev.priors(self.model, self.causes)
-
-    def _sensor_nominal(self, key: str, declared: float, unit: str) -> float:
-        """What the vehicle file says; what the cause declares where the file is silent."""
-        entry: Any = self.vehicle.document
-        for part in key.split("."):
-            entry = entry.get(part) if isinstance(entry, Mapping) else None
-        return to_si(float(entry["value"]), entry["unit"], unit) if isinstance(entry, Mapping) else declared
 
     def _moved(self, sheet: Sheet, key: str, knobs: Mapping[str, float]) -> bool:
         """Whether a slope was taken too far from where the model is now."""
@@ -146,7 +161,7 @@ class HelicopterBench:
         So the noise is what no cause explains, whether a cause is at work or not.
         """
         free = [cause for cause in self.causes if cause.name not in ROUGH]
-        at: dict[str, float] = {}
+        at = {key: value for key, value in self.prepared_at.items() if key in self.nominal}
         for sheet in self.sheets:
             sheet.look_for_wind(dimmed(START, DIM[0]))
         for stage in DIM:
@@ -164,7 +179,7 @@ class HelicopterBench:
         rows, sheet = self.rows(i, at), self.sheets[i]
         _, local, _ = ev.solve(rows, {})
         knobs = {key: value for key, value in at.items() if key in self.model.knobs}
-        seen = {key: value - self.nominal[key] for key, value in at.items() if key not in knobs}
+        seen = self.errors(at)
         # where the residual was taken, which was seen to be better; the step from there was not
         sheet.wind = np.array([*(rows.at[:2] + self.vehicle.wind[:2] + [seen.get(key, 0.0) for key in ev.WINDY]), 0.0])
         return sheet.settled(knobs, seen, local)

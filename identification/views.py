@@ -63,9 +63,15 @@ def slopes(flight: Flight, vehicle: Vehicle) -> dict[int, Floats]:
     """By kind, how fast what it measures changes along the nodes (N,)."""
     motion = flight.motion
     acceleration = rate_of(motion.velocity, flight)
-    field, pad = rate_of(field_seen(flight), flight), rate_of(pad_seen(flight, vehicle), flight)
+    r = rotations(flight)
+    # of what stands still, seen from a body that turns: db/dt = -w x b - R^T v; nodes' mean rates, at their ends
+    rate = motion.way[:, 12:15].copy()
+    rate[:-1] = 0.5 * (rate[:-1] + rate[1:])
+    field = -np.cross(rate, field_seen(flight))
+    away = np.einsum("nji,nj->ni", r, -motion.position)
+    pad = (-np.cross(rate, away) - np.einsum("nji,nj->ni", r, motion.velocity)) @ DOWN
     # clockwise seen from above: the mark's angle grows as the nose turns left
-    turning = np.einsum("nij,nj->ni", rotations(flight), motion.way[:, 12:15])[:, 2]
+    turning = np.einsum("nij,nj->ni", r, rate)[:, 2]
     return {
         **{k.GPS + i: motion.velocity[:, i] for i in range(3)},
         **{k.GPS_V + i: acceleration[:, i] for i in range(3)},

@@ -115,7 +115,7 @@ def foreseen(bench: HelicopterBench, flight: int, fit: Refit) -> Floats:
     """(N, 7) what the inertial sensor and the tachometer should say: the model, the mean wind, the sensor's errors."""
     sheet, values = bench.sheets[flight], best(bench.nominal, fit)
     knobs = {key: value for key, value in values.items() if key in bench.model.knobs}
-    errors = {key: value - bench.nominal[key] for key, value in values.items() if key not in knobs}
+    errors = bench.errors(values)
     solved = followed(bench, flight, fit)
     shared = [errors.get(key, 0.0) for key in WINDY]
     wind = np.array([*(solved[:2] + bench.vehicle.wind[:2] + shared), 0.0])
