@@ -34,7 +34,8 @@ QUICK = (
 WIND_STEP = 0.5  # [m/s]
 WIND_CLOSE, WIND_ROUNDS = 0.15, 5  # [m/s] within which a flight's wind is where it belongs; tries to get there
 WIND_REACH = 3.0  # [m/s] that one of them may go
-SPEEDS, DIRECTIONS = (2.5, 5.0, 7.5, 10.0), 12  # of winds that are looked at first
+SPEEDS, DIRECTIONS = (2.5, 5.0, 7.5, 10.0, 12.5, 15.0), 12  # of winds that are looked at first
+LOOKS = 3  # with slopes of their own, from each of two beginnings
 RATE_STEP = 0.01  # [rad/s]
 WINDS = ("wind.e", "wind.n")
 # what the cause `wind` has in common for all flights, and the flight's own that shows alike
@@ -192,20 +193,46 @@ class Sheet:
         self.by_rate = found | {key: found[of] for key, of in self._same.items()}
         self.gust = usual(self.flight, self.wind, gust_slopes(self.model, self.flight, self.wind, self.at))
 
-    def look_for_wind(self, noise: Noise) -> None:
-        """Take the wind, among many, under which the nominal model is likeliest; nothing else is known yet."""
-        flight, still = self.flight, np.zeros(3)
-        usual_wind = np.array([*self.model.vehicle.wind[:2], 0.0])
+    def look_for_wind(self, noise: Noise, free: Mapping[str, float]) -> None:
+        """Take the wind, among many, under which what is free (deviations by key) explains the flight best.
+
+        Slopes hold about one wind only, so each that is promising is looked at again with its own: from where the
+        nominal model, and from where the slopes of the usual wind lead.
+        """
+        usual_wind, still = np.array([*self.model.vehicle.wind[:2], 0.0]), np.zeros(3)
         turns = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-        winds = [still, *(size * np.array([np.cos(a), np.sin(a), 0.0]) for size in SPEEDS for a in turns)]
-        slopes = gust_slopes(self.model, flight, usual_wind)
-        answers = self.model.answers(flight.drive, [(usual_wind + w, {}, still) for w in winds])
-        costs = [
-            judge(flight, usual_wind + w, answer, usual(flight, usual_wind + w, slopes), noise).cost
-            + float(w @ w) / self.spread**2
-            for w, answer in zip(winds, answers, strict=True)
-        ]
-        self.wind = usual_wind + winds[int(np.argmin(costs))]
+        about = [still, *(size * np.array([np.cos(a), np.sin(a), 0.0]) for size in SPEEDS for a in turns)]
+        winds = [usual_wind + wind for wind in about]
+        spent = np.sum(np.square(about), axis=1) / self.spread**2
+        answers = self.model.answers(self.flight.drive, [(wind, {}, still) for wind in winds])
+        plain, costs = self._costs(answers, winds[0], noise, free)
+        seen = {0: float(costs[0] + spent[0])}
+        for start in (int(np.argmin(plain + spent)), int(np.argmin(costs + spent))):
+            here = start
+            for _ in range(LOOKS):
+                if here in seen:
+                    break
+                _, costs = self._costs(answers, winds[here], noise, free)
+                seen[here] = float(costs[here] + spent[here])
+                here = int(np.argmin(costs + spent))
+        self.wind = winds[min(seen, key=lambda i: seen[i])]
+
+    def _costs(
+        self, answers: Sequence[Floats], wind: Floats, noise: Noise, free: Mapping[str, float]
+    ) -> tuple[Floats, Floats]:
+        """Squares (W,) that the model's answers (N, 7) to W winds leave; the same, what is free about one taken out."""
+        self.wind = wind
+        self.linearise({}, rough=True)
+        self.whiten(noise)
+        inside = self.channel >= DRIVEN
+        left = np.column_stack([judge(self.flight, wind, a, self.gust, noise).residual.ravel() for a in answers])
+        left[~self._late[inside]] = 0.0
+        own = [self._laid.own[key] * free[key] for key in self._laid.own if free.get(key, 0.0) > 0.0]
+        explained = np.column_stack([*own, *(self._laid.local * self.local_std).T[2:]])[inside]
+        pull = explained.T @ left
+        inner = cho_factor(np.eye(len(pull)) + explained.T @ explained)
+        plain = np.sum(left**2, axis=0)
+        return plain, plain - np.sum(pull * cho_solve(inner, pull), axis=0)
 
     def whiten(self, noise: Noise) -> None:
         """Whiten everything under these noise levels."""

@@ -3,10 +3,12 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
+from scipy.spatial.transform import Rotation
 
 from flightlog.atmosphere import SURFACE_PRESSURE, SURFACE_TEMPERATURE, density_at, pressure_at
 from flightlog.camera import DOWN
@@ -30,6 +32,7 @@ STEP = 0.04  # [s] of a node: a turn of the rotor, so that its vibration has no 
 NEEDED = ("imu", "controls", "rotor")
 CLEAR = 0.08  # [m] of the skids above the ground while a flight is looked at
 AFTERMATH = 0.6  # [s] that a touch of the ground shakes
+ALIGNED = 5.0  # [s] until it knows how it lies
 SETTLED = 1.0  # [s] until the filter knows where it is
 LEAST_SAMPLES = 40  # to take a noise level from
 LEAST_FACTOR = 0.4  # of the declared one
@@ -314,6 +317,7 @@ def _filter(
             MAGNETIC_FIELD, prior, noise, decay, way, samples, rows, gains, answers,
         )  # fmt: skip
         if turn == 0:
+            start = _levelled(imu_t, imu, samples, start)
             start, prior = _mended(vehicle, imu_t, samples, kinds, times, values, setup, start, prior)
         height = samples[ends, 2] - skid
         if not last:
@@ -334,6 +338,19 @@ def _at_origin(t: Floats, imu: Floats, arm: Floats) -> Floats:
     rate, moved = imu[:, 3:], imu.copy()
     moved[:, :3] -= np.cross(np.gradient(rate, t, axis=0), arm) + np.cross(rate, np.cross(rate, arm))
     return moved
+
+
+def _levelled(imu_t: Floats, imu: Floats, samples: Floats, start: Floats) -> Floats:
+    """The start with the attitude that the gyro leads back to from where the other sensors have shown it.
+
+    A flight that begins while wind and rotor push it is not level where its force says so.
+    """
+    known = min(int(np.searchsorted(imu_t, imu_t[0] + ALIGNED)), len(imu_t) - 1)
+    rate = 0.5 * (imu[:known, 3:] + imu[1 : known + 1, 3:])
+    turns = Rotation.from_rotvec(rate * np.diff(imu_t[: known + 1])[:, None])
+    turned = reduce(Rotation.__mul__, turns, Rotation.identity())
+    first = (Rotation.from_quat(samples[known, 6:], scalar_first=True) * turned.inv()).as_quat(scalar_first=True)
+    return np.concatenate([start[:6], first])
 
 
 def _mended(

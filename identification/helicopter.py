@@ -163,10 +163,10 @@ class HelicopterBench:
         free = [cause for cause in self.causes if cause.name not in ROUGH]
         at = {key: value for key, value in self.prepared_at.items() if key in self.nominal}
         for sheet in self.sheets:
-            sheet.look_for_wind(dimmed(START, DIM[0]))
-        for stage in DIM:
+            sheet.look_for_wind(dimmed(START, DIM[0]), self.tolerances)
+        for stage, causes in zip(DIM, ([], free, free), strict=True):
             self._linearise(at, [dimmed(START, stage)] * len(self.sheets), rough=True)
-            at = dict(refit(self, free, start=at, rounds=STEPS).at)
+            at = dict(refit(self, causes, start=at, rounds=STEPS).at)
             settled = [self._settled(i, at) for i in range(len(self.sheets))]
         least = dimmed(START, DIM[-1])  # what the model itself is off by in gusts and quick turns
         noise = noise_fit.fit([least] * len(self.sheets), settled, None if like is None else like.sheets[0].noise)
