@@ -116,9 +116,12 @@ def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float | None) -> Diagno
 
 
 def _anew(search: Search, best: Names) -> Bench | None:
-    """The flights prepared anew, where what was found is so plain that what is not linear about it may matter."""
+    """The flights prepared anew, where what was found is so plain that what is not linear about it may matter.
+
+    Not where it is the best of wrong explanations: what contradicts it is not to be taken for noise.
+    """
     prepare = getattr(search.bench, "anew", None)
-    if prepare is None or not best or search.gain(best) < PLAIN:
+    if prepare is None or not best or search.gain(best) < PLAIN or doubt(search, best):
         return None
     found: Bench | None = prepare([search.causes[name] for name in best], search.fit(best).values)
     return found
