@@ -161,17 +161,22 @@ class Sheet:
         self._rates = {key: change.rate for key, change in changes.items() if change.rate is not None}
         dz = np.zeros((scalars, len(changes)))
         df, dw = np.zeros((nodes, 3, len(changes))), np.zeros((nodes, 3, len(changes)))
+        begin = np.zeros((k.STATES, len(changes)))
         for c, (key, change) in enumerate(changes.items()):
             if change.scalars is not None:
                 dz[:, c] = change.scalars
             if change.force is not None:
-                df[:, :, c] = self._measured[key][:, :3] = change.force
+                self._measured[key][:, :3] = change.force
             if change.rate is not None:
-                dw[:, :, c] = self._measured[key][:, 3:6] = change.rate
+                self._measured[key][:, 3:6] = change.rate
+            if change.state is None:
+                df[:, :, c], dw[:, :, c] = self._measured[key][:, :3], self._measured[key][:, 3:6]
+            else:
+                begin[change.state, c] = -1.0  # believed less true
             if change.rotor is not None:
                 self._measured[key][:, 6] = change.rotor
         m = flight.motion
-        above = sensor_signatures(m.way, m.rows, m.gains, m.answers, m.first, m.step, m.decay, dz, df, dw)
+        above = sensor_signatures(m.way, m.rows, m.gains, m.answers, m.first, m.step, m.decay, dz, df, dw, begin)
         self._above = dict(zip(changes, above.T, strict=True))
         for key, change, _ in stand_off:
             self._measured[key] = np.zeros((nodes, 7))

@@ -10,15 +10,16 @@ from identification.kinematics import B_G, PHI, STATES, V, transition
 
 
 @numba.njit(cache=True, nogil=True)
-def sensor_signatures(way, rows, gains, answers, first, step, decay, dz, df, dw):
+def sensor_signatures(way, rows, gains, answers, first, step, decay, dz, df, dw, begin):
     """Whitened change of the innovations (M, C) of `kinematics.track`.
 
     way, rows, gains, answers, first, decay: as there; step [s] of a node. dz (M, C): change of every scalar
-    measurement; df, dw (N, 3, C): change of the inertial sensor's force and rate, mean of the node, body axes.
+    measurement; df, dw (N, 3, C): change of the inertial sensor's force and rate, mean of the node, body axes;
+    begin (STATES, C): of what the filter believes at the start.
     """
     measured, columns = dz.shape
     out = np.zeros((measured, columns))
-    x = np.zeros((STATES, columns))
+    x = begin.copy()
     change = np.empty(columns)
     for n in range(len(first) - 1):
         r = way[n, 3:12].copy().reshape(3, 3)

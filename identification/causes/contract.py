@@ -22,6 +22,9 @@ class Change:
     force: Floats | None = None  # (N, 3) [m/s^2] to the inertial sensor's force, body axes
     rate: Floats | None = None  # (N, 3) [rad/s] to its rate
     rotor: Floats | None = None  # (N,) [rad/s] to the tachometer
+    # of `kinematics`: the filter of the motion has this error as a state, which is off by one unit where it begins;
+    # force and rate then say what the model meets, and may be smoothed
+    state: int | None = None
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from identification import kinematics as k
 from identification.causes.contract import Cause, Change, Parameter
 from identification.flight import Flight
 from identification.views import felt
@@ -12,7 +13,10 @@ def changes(flight: Flight, vehicle: Vehicle) -> list[Change]:
     """A case turned by the small vector a sees v - a x v."""
     force, rate = felt(flight)
     unit = np.eye(3)
-    return [Change(force=-np.cross(unit[axis], force), rate=-np.cross(unit[axis], rate)) for axis in range(3)]
+    return [
+        Change(force=-np.cross(unit[axis], force), rate=-np.cross(unit[axis], rate), state=k.CASE + axis)
+        for axis in range(3)
+    ]
 
 
 CAUSE = Cause(

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from identification import kinematics as k
 from identification.causes.contract import Cause, Change, Parameter
 from identification.flight import Flight
 from identification.views import felt
@@ -15,7 +16,7 @@ def changes(flight: Flight, vehicle: Vehicle) -> list[Change]:
     for axis in range(6):
         column = np.zeros((len(flight.motion.t), 3))
         column[:, axis % 3] = true[:, axis]
-        found.append(Change(force=column) if axis < 3 else Change(rate=column))
+        found.append(Change(force=column) if axis < 3 else Change(rate=column, state=k.RATE_SCALE + axis - 3))
     return found
 
 

@@ -87,7 +87,8 @@ class HelicopterBank:
 
     def _above(self, flight: int, dz: Floats, df: Floats, dw: Floats) -> Floats:
         m = self._bench.flights[flight].motion
-        found = sensor_signatures(m.way, m.rows, m.gains, m.answers, m.first, m.step, m.decay, dz, df, dw)
+        same = np.zeros((k.STATES, dz.shape[1]))
+        found = sensor_signatures(m.way, m.rows, m.gains, m.answers, m.first, m.step, m.decay, dz, df, dw, same)
         return np.asarray(found, float)
 
 

@@ -137,9 +137,12 @@ class Way:
         nu, s, weight = self.answer(**changed).T
         return np.asarray(np.sqrt(weight) * nu / s)
 
-    def signature(self, dz: Floats, df: Floats, dw: Floats) -> Floats:
+    def signature(self, dz: Floats, df: Floats, dw: Floats, state: int | None = None) -> Floats:
+        begin = np.zeros((kinematics.STATES, 1))
+        if state is not None:
+            begin[state] = -1.0
         first, decay, way, rows, gains, answers = (self.arguments[i] for i in (3, 15, 16, 18, 19, 20))
-        change = dz[:, None], df[:, :, None], dw[:, :, None]
+        change = dz[:, None], df[:, :, None], dw[:, :, None], begin
         return np.asarray(sensor_signatures(way, rows, gains, answers, first, STEP, decay, *change))[:, 0]
 
 
@@ -193,6 +196,26 @@ def test_a_changed_inertial_sensor_is_what_the_whole_filter_makes_of_it(way: Way
     change[:, axis] = slow
     right = (way.whitened(imu=imu + size * change) - way.whitened(imu=imu - size * change)) / (2.0 * size)
     assert near(found, right, 0.02)
+
+
+FOLLOWED = (kinematics.CASE, kinematics.CASE + 1, kinematics.RATE_SCALE, kinematics.RATE_SCALE + 2)
+
+
+@pytest.mark.parametrize("state", FOLLOWED)
+def test_an_error_that_the_filter_follows_is_what_the_whole_filter_makes_of_it(way: Way, state: int) -> None:
+    imu = way.arguments[1]
+    size, unit = 1e-4, np.eye(3)
+    change = np.zeros_like(imu)
+    if state >= kinematics.RATE_SCALE:
+        change[:, 3 + state - kinematics.RATE_SCALE] = imu[:, 3 + state - kinematics.RATE_SCALE]
+    else:  # a case turned by a sees v - a x v
+        axis = unit[state - kinematics.CASE]
+        change[:, :3], change[:, 3:] = -np.cross(axis, imu[:, :3]), -np.cross(axis, imu[:, 3:])
+    nodes = len(way.arguments[3]) - 1
+    nothing = np.zeros((nodes, 3))
+    found = way.signature(np.zeros(len(way.arguments[4])), nothing, nothing, state)
+    right = (way.whitened(imu=imu + size * change) - way.whitened(imu=imu - size * change)) / (2.0 * size)
+    assert near(found, right, 0.05)
 
 
 # --- what the model answers, against the whole sheet under a changed model --------------------------------------------
