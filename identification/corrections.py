@@ -21,11 +21,24 @@ from sim.vehicle import Vehicle
 
 Floats = NDArray[np.float64]
 
+LENS_ROUNDS = 2
 FORCE, RATE = ("fx", "fy", "fz"), ("wx", "wy", "wz")
 
 
-def corrected(tables: Mapping[str, Table], vehicle: Vehicle) -> dict[str, Table]:
-    """The tables as a sensor without the file's known errors would have given them, in the file's own clock."""
+def bent(vehicle: Vehicle) -> bool:
+    """Whether the file knows an error of the down camera's lens: what it does depends on how the camera is held."""
+    pad = vehicle.sensors.get("pad")
+    return "down" in vehicle.cameras and bool(vehicle.cameras["down"].k1_error + (pad.numbers["k1"] if pad else 0.0))
+
+
+def corrected(
+    tables: Mapping[str, Table], vehicle: Vehicle, attitudes: tuple[Floats, Floats] | None = None
+) -> dict[str, Table]:
+    """The tables as a sensor without the file's known errors would have given them, in the file's own clock.
+
+    attitudes: times (S,) and quaternions (S, 4) by which a mark seen through a lens is looked at; None: level, with
+    the heading in which the mark appears.
+    """
     found = dict(tables)
     for topic, table in tables.items():
         if topic not in vehicle.sensors:
@@ -33,7 +46,8 @@ def corrected(tables: Mapping[str, Table], vehicle: Vehicle) -> dict[str, Table]
         numbers = vehicle.sensors[topic].numbers
         changes = _values(topic, table, numbers)
         if topic == "pad" and "down" in vehicle.cameras:
-            changes = _picture(table, vehicle.cameras["down"], numbers)
+            held = None if attitudes is None else _held(table, vehicle.cameras["down"], numbers, attitudes)
+            changes = _picture(table, vehicle.cameras["down"], numbers, held)
         late = numbers.get("clock", 0.0)
         if topic == "gps":
             late += numbers["delay"]
@@ -87,7 +101,19 @@ def _inertial(table: Table, n: Mapping[str, float]) -> dict[str, Floats]:
     return found
 
 
-def _picture(table: Table, camera: CameraSpec, n: Mapping[str, float]) -> dict[str, Floats]:
+def _held(
+    table: Table, camera: CameraSpec, n: Mapping[str, float], attitudes: tuple[Floats, Floats]
+) -> Floats:
+    """(N, 3, 3) body to world when each picture was taken."""
+    t, quaternions = attitudes
+    taken = np.asarray(table["t"], float) - n.get("clock", 0.0) - n["delay"] - camera.stamp_delay
+    at = np.clip(np.searchsorted(t, taken), 0, len(t) - 1)
+    return np.array([matrix(q) for q in quaternions[at]])
+
+
+def _picture(
+    table: Table, camera: CameraSpec, n: Mapping[str, float], held: Floats | None
+) -> dict[str, Floats]:
     """The mark as the camera would see it that it is taken for; its angle is left as it is."""
     scale, focal = n["scale"], camera.focal_scale * n["focal_scale"]
     k1, axes = camera.k1_error + n["k1"], camera.mount.axes
@@ -96,12 +122,16 @@ def _picture(table: Table, camera: CameraSpec, n: Mapping[str, float]) -> dict[s
         return {}
     seen = table.stack("x", "y", "z") / scale * [1.0, 1.0, focal]
     if k1:
-        # from where the mark is looked at, near enough level; its axis points north
-        headings = -np.nan_to_num(np.asarray(table["angle"], float)) if "angle" in table else np.zeros(len(seen))
-        level = np.array([matrix(quaternion(0.0, 0.0, heading)) for heading in headings.tolist()])
-        position = -np.einsum("nij,nj->ni", level, seen @ axes.T + camera.mount.position)
+        if held is None:  # its axis points north
+            headings = -np.nan_to_num(np.asarray(table["angle"], float)) if "angle" in table else np.zeros(len(seen))
+            held = np.array([matrix(quaternion(0.0, 0.0, heading)) for heading in headings.tolist()])
         good = np.isfinite(seen).all(axis=1)
-        seen[good] -= k1 * by_lens(position[good], level[good], camera.model, camera.mount, HMark(), n)[:, :3]
+        straightened = seen.copy()
+        for _ in range(LENS_ROUNDS):  # from where the mark is, not from where it seems to be
+            position = -np.einsum("nij,nj->ni", held, straightened @ axes.T + camera.mount.position)[good]
+            moved = by_lens(position, held[good], camera.model, camera.mount, HMark(), n)
+            straightened[good] = seen[good] - k1 * moved[:, :3]
+        seen = straightened
     if not straight:
         seen = seen @ axes.T @ DOWN
     return dict(zip(("x", "y", "z"), seen.T, strict=True))

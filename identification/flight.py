@@ -17,7 +17,7 @@ from flightlog.errors import UserError
 from flightlog.rotations import angles, matrix, quaternion
 from flightlog.tables import Table
 from identification import kinematics as k
-from identification.corrections import corrected
+from identification.corrections import bent, corrected
 from identification.first_look import displaced, lonely
 from identification.grid import Course, Drive, lay, smooth
 from identification.sensor_statistics import statistics
@@ -97,7 +97,7 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
         if topic not in tables or len(tables[topic]) < 2:
             raise UserError(f"{name}: has no topic {topic}: a {vehicle.document['kind']} needs {', '.join(NEEDED)}")
     notes: list[str] = []
-    tables = corrected(tables, vehicle)
+    raw, tables = tables, corrected(tables, vehicle)
     imu_t, imu = _inertial(name, tables["imu"], notes)
     rotor = _rotor_speed(tables["rotor"], imu_t)
     imu = calm(imu_t, imu, rotor, float(vehicle.parameters.get("tail_rotor", {}).get("gear", 0.0)))
@@ -111,6 +111,10 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
     surface = pressure, temperature
     borne = _at_origin(imu_t, imu, vehicle.sensors["imu"].position)
     motion, samples, skids = _filter(vehicle, imu_t, borne, edges, measurements, start, setup, mass, surface)
+    if bent(vehicle):
+        tables = corrected(raw, vehicle, (imu_t, samples[:, 6:]))
+        measurements = _measurements(tables, vehicle, imu_t, imu, edges)
+        motion, samples, skids = _filter(vehicle, imu_t, borne, edges, measurements, start, setup, mass, surface)
     last = _airborne(skids)
     if last * STEP < 5.0:
         raise UserError(f"{name}: {last * STEP:.1f} s in the air; at least 5 s would be right")

@@ -15,21 +15,17 @@ from identification.views import rotations
 from sim.sensors.pad_camera import by_lens
 from sim.vehicle import Vehicle
 
-EVERY = 5  # nodes: the picture changes slowly
-
 
 def changes(flight: Flight, vehicle: Vehicle) -> list[Change]:
     """By where in the picture the mark is."""
     motion, camera = flight.motion, vehicle.cameras["down"]
-    chosen = np.arange(0, len(motion.t), EVERY)
     moved = by_lens(
-        motion.position[chosen], rotations(flight)[chosen], camera.model, camera.mount, HMark(),
-        vehicle.sensors["pad"].numbers,
-    )  # fmt: skip
+        motion.position, rotations(flight), camera.model, camera.mount, HMark(), vehicle.sensors["pad"].numbers
+    )
     scalars = np.zeros(len(motion.kinds))
     for axis in range(4):
         at = motion.kinds == k.PAD + axis
-        scalars[at] = np.interp(motion.times[at], motion.t[chosen], moved[:, axis])
+        scalars[at] = np.interp(motion.times[at], motion.t, moved[:, axis])
     return [Change(scalars)]
 
 
