@@ -38,6 +38,7 @@ BENCHES: Mapping[str, str] = {
 # [nats] of a set of causes: where a sensor's error is found with a tenth of it left over, that is half a nat here and
 # grows in proportion; it takes a second filtering and search to be rid of
 PLAIN = 50.0
+LOOKS = 3
 SURE = 0.5  # probability of a cause or its class from which on it is asserted
 
 Logs = Mapping[str, Mapping[str, Table]]
@@ -85,8 +86,10 @@ def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float | None) -> Diagno
     search = Search(bench, needed)
     certified = bench.baseline.certified
     best: Names = search.run() if certified else ()
-    anew = _anew(search, best)
-    if anew is not None:
+    for _ in range(LOOKS):
+        anew = _anew(search, best)
+        if anew is None:
+            break
         bench, search = anew, Search(anew, needed)
         best = search.run()
     beside = find(search, best) if certified else NOTHING

@@ -98,10 +98,15 @@ class HelicopterBench:
         }
 
     def anew(self, causes: Sequence[Cause], at: Mapping[str, float]) -> "HelicopterBench | None":
-        """The same flights, filtered with these causes' errors of sensors as in `at`; None where there are none."""
+        """The same flights, filtered with these causes' errors of sensors as in `at`.
+
+        None where there are none, or just these were taken out already.
+        """
         own = [p.key for cause in causes if cause.changes is not None for p in cause.parameters]
         errors = {key: at[key] for key in own if key.startswith(about.OF_SENSORS) and key in at}
-        return HelicopterBench(self._logs, self.vehicle, prepared_at=errors) if errors else None
+        if errors.keys() == self.prepared_at.keys():
+            return None
+        return HelicopterBench(self._logs, self.vehicle, prepared_at=errors)
 
     def renew(self, at: Mapping[str, float] | None) -> None:
         """Take the slopes of what has moved anew about these values, all where nothing has.
