@@ -22,6 +22,7 @@ from threadpoolctl import threadpool_limits
 from benchmarks.blind_judge import without
 from flightlog.readers.folder import read_flight
 from identification.diagnosis import open_bench
+from identification.helicopter import HelicopterBench
 from identification.search import Search
 from identification.unknown.finding import find
 from identification.unknown.opening import open_bank
@@ -44,7 +45,7 @@ def judge(what: str, seed: int, flights: int, duration_s: float) -> dict[str, An
     started = time.perf_counter()
     with threadpool_limits(1), without(what if kind == "single" else None):
         bench = open_bench(logs, nominal)
-        search = Search(bench)
+        search = Search(bench, HelicopterBench.threshold)
         best = search.run()
         searched = time.perf_counter()
         outcome = find(search, best)
