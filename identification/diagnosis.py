@@ -35,9 +35,9 @@ BENCHES: Mapping[str, str] = {
     "multirotor": "identification.multirotor",
     "rig": "identification.rig",
 }
-# [nats] of a set of causes: where a sensor's error is found with a tenth of it left over, that is half a nat here and
-# grows in proportion; it takes a second filtering and search to be rid of
-PLAIN = 50.0
+# [nats] of a set of causes, from which on flights are filtered anew and searched once more: a lag of half a second is
+# found a fifth too small from where the file has it, and what a plain error leaves over looks like others
+PLAIN = 20.0
 LOOKS = 3
 SURE = 0.5  # probability of a cause or its class from which on it is asserted
 

@@ -8,6 +8,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from flightlog.atmosphere import SURFACE_PRESSURE, SURFACE_TEMPERATURE, density_at, pressure_at
@@ -87,6 +88,7 @@ class Flight:
     inertial: Floats  # (N, 6): mean force and rate, also there
     thrust: Floats  # (N,) [N] about: force along the mast times mass
     skids: Floats  # (N,) [m] of the skids above the ground
+    baro_lag: float  # [s] by which the barometer was taken to follow
     echoes: tuple[int, int]  # samples of the ranger beyond its reach, and how many of them said they were valid
     notes: tuple[str, ...]
 
@@ -137,7 +139,7 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
         measured[touched] = np.nan  # the ground's force is not the model's
         notes.append(f"on or near the ground for {touched.sum() * STEP:.1f} s: force and moment not judged there")
     return Flight(
-        name, motion, drive, measured, inertial, thrust, skids[:last],
+        name, motion, drive, measured, inertial, thrust, skids[:last], _baro_lag(vehicle),
         _echoes(tables, vehicle, motion), tuple(notes),
     )  # fmt: skip
 
@@ -325,10 +327,11 @@ def _filter(
             start, prior = _mended(vehicle, imu_t, samples, kinds, times, values, setup, start, prior)
         height = samples[ends, 2] - skid
         if not last:
-            shifts = _downwash(vehicle, kinds, times, imu_t[ends], height, mass * way[:, 2], surface)
+            washed = _downwash(vehicle, kinds, times, imu_t[ends], height, mass * way[:, 2], surface)
+            shifts = washed + _rounded(vehicle, kinds, times, imu_t[ends], samples[ends, 2])
             # where the ground carries the vehicle, nobody knows what the rotor does
             standing = np.interp(times, imu_t[ends], _touched(height)) > 0.0
-            unsure = np.where(standing, np.abs(shifts), 0.0)
+            unsure = np.where(standing, np.abs(washed), 0.0)
             stds = stds * _noise_factors(kinds, times, stds, answers, imu_t[0] + SETTLED, measurements[4])[kinds]
     motion = Motion(
         STEP, imu_t[ends], first, kinds, times, values, stds, decay, way, rows, gains, answers,
@@ -418,8 +421,31 @@ def _downwash(
     shifts = np.zeros(len(times))
     if "baro" in vehicle.sensors:
         low = downwash(vehicle, skids, thrust, surface) * vehicle.sensors["baro"].numbers["downwash_gain"]
-        at = kinds == k.BARO
-        shifts[at] = -np.interp(times[at], t, low)
+        at, lag = kinds == k.BARO, _baro_lag(vehicle)
+        shifts[at] = -np.interp(times[at] + lag, t, lagged(low, lag, STEP))
+    return shifts
+
+
+def _baro_lag(vehicle: Vehicle) -> float:
+    return float(vehicle.sensors["baro"].numbers["lag"]) if "baro" in vehicle.sensors else 0.0
+
+
+def lagged(values: Floats, tau: float, step: float) -> Floats:
+    """What a lag of first order makes of values (N,) that lie `step` apart; it begins at rest.
+
+    Exact for what is straight between them: y' = a y + (1 - r) x' + (r - a) x, a = exp(-h/tau), r = (1 - a) tau/h.
+    """
+    kept = math.exp(-step / tau) if tau > 0.0 else 0.0
+    ramp = (1.0 - kept) * tau / step
+    taps = [1.0 - ramp, ramp - kept]
+    return np.asarray(lfilter(taps, [1.0, -kept], values, zi=[(1.0 - taps[0]) * values[0]])[0])
+
+
+def _rounded(vehicle: Vehicle, kinds: Ints, times: Floats, t: Floats, height: Floats) -> Floats:
+    """(M,) by which a barometer that lags differs from one that is late; late it is by its times already."""
+    shifts, lag = np.zeros(len(times)), _baro_lag(vehicle)
+    at = kinds == k.BARO
+    shifts[at] = np.interp(times[at] + lag, t, lagged(height, lag, STEP)) - np.interp(times[at], t, height)
     return shifts
 
 

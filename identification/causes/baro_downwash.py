@@ -1,16 +1,21 @@
 """The rotor's downwash disturbs the barometer otherwise than declared."""
 
+import numpy as np
+
 from identification import kinematics as k
 from identification.causes.contract import Cause, Change, Parameter
-from identification.flight import Flight, downwash
-from identification.views import scalars
+from identification.flight import Flight, downwash, lagged
 from sim.vehicle import Vehicle
 
 
 def changes(flight: Flight, vehicle: Vehicle) -> list[Change]:
     """Height read too low by the share of the disc loading that reaches the port."""
     surface = flight.drive.surface_pressure, flight.drive.surface_temperature
-    return [Change(scalars(flight, (k.BARO, -downwash(vehicle, flight.skids, flight.thrust, surface))))]
+    low = lagged(downwash(vehicle, flight.skids, flight.thrust, surface), flight.baro_lag, flight.motion.step)
+    motion, at = flight.motion, flight.motion.kinds == k.BARO
+    found = np.zeros(len(motion.kinds))
+    found[at] = -np.interp(motion.times[at] + flight.baro_lag, motion.t, low)  # times are set back by the lag
+    return [Change(found)]
 
 
 CAUSE = Cause(

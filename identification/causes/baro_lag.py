@@ -1,14 +1,26 @@
 """The barometer follows slower than declared."""
 
+import numpy as np
+
+from identification import kinematics as k
 from identification.causes.contract import Cause, Change, Parameter
-from identification.flight import Flight
-from identification.views import late
+from identification.flight import Flight, downwash, lagged
 from sim.vehicle import Vehicle
+
+LESS, MORE = 0.1, 0.3  # [s] over which the slope is taken: a lag is not linear in its time constant
 
 
 def changes(flight: Flight, vehicle: Vehicle) -> list[Change]:
-    """To first order a lag shows what was so long ago."""
-    return [Change(late(flight, vehicle, "baro"))]
+    """The height as a slower lag gives it less that of a quicker one, with what the rotor adds to it."""
+    motion, lag = flight.motion, flight.baro_lag
+    quick, slow = max(lag - LESS, 0.0), lag + MORE
+    surface = flight.drive.surface_pressure, flight.drive.surface_temperature
+    gain = vehicle.sensors["baro"].numbers["downwash_gain"]
+    height = motion.position[:, 2] - gain * downwash(vehicle, flight.skids, flight.thrust, surface)
+    slope = (lagged(height, slow, motion.step) - lagged(height, quick, motion.step)) / (slow - quick)
+    found, at = np.zeros(len(motion.kinds)), motion.kinds == k.BARO
+    found[at] = np.interp(motion.times[at] + lag, motion.t, slope)  # which are set back by the lag
+    return [Change(found)]
 
 
 CAUSE = Cause(
