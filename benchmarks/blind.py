@@ -1,12 +1,12 @@
 """Blind tests of the diagnosis in numbers: false alarms, detection, names, intervals, pairs, unknowns, stress, time.
 
 python -m benchmarks.blind [PART ...] [--vehicle all|raptor90|quadrotor|rig] [--share 1.0] [--workers 2]
-                           [--duration 60] [-o blind] [--tables]
+                           [--skip 0] [--duration 60] [-o blind] [--tables]
 
 Every set is drawn from a seed, flown, sealed, diagnosed from what was measured, and only then opened
 (tests/blind, benchmarks/blind_judge.py). Each result is a file of its own, so that a run that was stopped goes on where
-it was. --share takes so much of every part's number; --tables only sums up what is there. Writes summary.md,
-detection.png, results/.
+it was. --share takes so much of every part's number, --skip leaves out the first of it; --tables only sums up what is
+there. Writes summary.md, detection.png, results/.
 """
 
 import argparse
@@ -173,12 +173,20 @@ PARTS: Mapping[str, tuple[Callable[[Fleet, int], Iterator[Job]], int]] = {
 }
 
 
+def _fresh(part: str, fleet: Fleet, count: int, skip: int) -> list[Job]:
+    """So many of a part's jobs, after those that it has with `skip`."""
+    draw, _ = PARTS[part]
+    seen = set(draw(fleet, skip)) if skip else set()
+    return [job for job in draw(fleet, skip + count) if job not in seen]
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """See the module's own words."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; default: all")
     parser.add_argument("--vehicle", choices=["all", *FLEETS], default="all")
     parser.add_argument("--share", type=float, default=1.0, help="of every part's number of sets")
+    parser.add_argument("--skip", type=int, default=0, help="so many of each part's first seeds: those seen before")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--duration", type=float, default=60.0, help="of a flight [s]")
     parser.add_argument("--flights", type=int, default=3, help="of a set")
@@ -195,7 +203,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             replace(job, duration_s=given.duration, flights=given.flights if job.plans is None else len(job.plans))
             for part in given.parts or PARTS
             for name, fleet in FLEETS.items() if given.vehicle in ("all", name)
-            for job in PARTS[part][0](fleet, max(1, round(PARTS[part][1] * given.share)))
+            for job in _fresh(part, fleet, max(1, round(PARTS[part][1] * given.share)), given.skip)
         ]
         judge(jobs, results, given.workers)
     records = [Record(**json.loads(path.read_text())) for path in sorted(results.glob("*.json"))]
