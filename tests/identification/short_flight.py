@@ -11,6 +11,8 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from flightlog.readers import read_flight
+from flightlog.tables import Table
+from flightlog.topics import topic_of
 from scenarios.flight import fly
 from scenarios.load import build
 
@@ -42,3 +44,8 @@ def written(columns: Mapping[str, Mapping[str, NDArray[Any]]], folder: Path) -> 
     for topic, found in columns.items():
         pq.write_table(pa.table(dict(found)), folder / "measured" / f"{topic}.parquet")
     return folder
+
+
+def made_table(topic: str, columns: dict[str, NDArray[Any]]) -> Table:
+    """Columns as a table of their topic."""
+    return Table(topic, pa.table(dict(columns)), topic_of("measured", topic))

@@ -5,13 +5,10 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-import pyarrow as pa
 import pytest
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from flightlog.tables import Table
-from flightlog.topics import topic_of
 from identification import kinematics
 from identification.causes import CATALOGUE
 from identification.drive import Noise, judge
@@ -24,16 +21,12 @@ from identification.stack import Rows, stack
 from identification.vibration import calm
 from identification.whitening import drive_signatures, sensor_signatures
 from sim.vehicle import load
-from tests.identification.short_flight import Columns
+from tests.identification.short_flight import Columns, made_table
 
 Floats = NDArray[np.float64]
 
 NODES = 80
 STEP = 0.04
-
-
-def made_table(topic: str, columns: dict[str, NDArray[Any]]) -> Table:
-    return Table(topic, pa.table(dict(columns)), topic_of("measured", topic))
 
 
 KEEP = np.tile([0.99, 0.985, 0.95], (NODES, 1))

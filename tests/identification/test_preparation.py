@@ -1,0 +1,105 @@
+"""How a flight is prepared: noise levels, lags, the attitude at its start, errors of sensors taken out beforehand."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from flightlog.rotations import angles
+from identification import about
+from identification import kinematics as k
+from identification.causes import CATALOGUE
+from identification.flight import Flight, lagged, prepare
+from identification.helicopter import HelicopterBench
+from sim.vehicle import Vehicle, load
+from tests.identification.short_flight import Columns, copied, made_table
+
+Floats = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def raptor() -> Vehicle:
+    return load("raptor90")
+
+
+def prepared(columns: Columns, vehicle: Vehicle) -> Flight:
+    return prepare("flight", {topic: made_table(topic, found) for topic, found in columns.items()}, vehicle)
+
+
+def level(flight: Flight, kind: int) -> float:
+    """[unit] white noise that the filter settled on."""
+    return float(np.median(flight.motion.stds[flight.motion.kinds == kind]))
+
+
+@pytest.mark.parametrize("tau", [0.0, 0.02, 0.1, 0.5])
+def test_a_lag_is_exact_for_a_ramp_and_leaves_what_stands_still(tau: float) -> None:
+    t = 0.04 * np.arange(500)
+    late = 2.0 * t - lagged(2.0 * t, tau, 0.04)
+    np.testing.assert_allclose(late, 2.0 * tau * (1.0 - np.exp(-t / tau) if tau else 0.0 * t), atol=1e-12)
+    np.testing.assert_allclose(lagged(np.full(5, 3.0), tau, 0.04), 3.0)
+
+
+def test_a_quiet_sensor_is_believed_where_its_noise_is_white_and_not_where_it_gives_running_means(
+    flown: Columns, raptor: Vehicle
+) -> None:
+    declared, rng = raptor.sensors["baro"].numbers["noise"], np.random.default_rng(5)
+    smooth = np.convolve(np.pad(flown["baro"]["altitude"], 200, mode="edge"), np.ones(50) / 50, "same")[200:-200]
+    quiet, running = copied(flown), copied(flown)
+    drawn = 0.3 * declared * rng.standard_normal(len(smooth) + 39)
+    quiet["baro"]["altitude"] = smooth + drawn[39:]
+    running["baro"]["altitude"] = smooth + np.convolve(drawn / 0.3, np.ones(40) / 40, "valid")
+    assert level(prepared(quiet, raptor), k.BARO) < 0.5 * declared
+    assert level(prepared(running, raptor), k.BARO) == pytest.approx(declared, rel=0.05)
+
+
+def test_a_flight_that_begins_pushed_aside_begins_as_it_lies_and_not_as_its_force_says(
+    flown: Columns, raptor: Vehicle
+) -> None:
+    sound = prepared(flown, raptor)
+    pushed = copied(flown)
+    early = pushed["imu"]["t"] < pushed["imu"]["t"][0] + 0.12  # what the start is levelled by
+    pushed["imu"]["fx"] = np.where(early, pushed["imu"]["fx"] + 2.0, pushed["imu"]["fx"])
+    found = prepared(pushed, raptor)
+    error = np.degrees(np.array(angles(found.motion.attitude[5])) - np.array(angles(sound.motion.attitude[5])))
+    assert math.degrees(2.0 / 9.81) > 11.0  # by which it would lie askew
+    assert np.abs((error + 180.0) % 360.0 - 180.0).max() < 2.0
+
+
+@pytest.fixture(scope="module")
+def late(flown: Columns, raptor: Vehicle) -> HelicopterBench:
+    """A flight whose marks are 60 ms late, with 50 ms of it taken out beforehand."""
+    columns = copied(flown)
+    columns["pad"]["t"] = columns["pad"]["t"] + 0.06
+    tables = {topic: made_table(topic, found) for topic, found in columns.items()}
+    return HelicopterBench({"flight": tables}, raptor, prepared_at={"cameras.down.stamp_delay": 0.05})
+
+
+def test_errors_of_sensors_count_from_those_that_were_taken_out(late: HelicopterBench) -> None:
+    key = "cameras.down.stamp_delay"
+    assert late.errors({}) == pytest.approx({key: -0.05})
+    assert late.errors({key: 0.06, "sensors.imu.bias_fx": 0.3, "mass": 5.0}) == pytest.approx(
+        {key: 0.01, "sensors.imu.bias_fx": 0.3}
+    )
+    # the residual of a mark that was never late is that of one which is 50 ms early
+    same, none = late.rows(0, {key: 0.05}), late.rows(0, {})
+    at = none.channel == k.PAD
+    moved = none.residual[at] - same.residual[at]
+    np.testing.assert_allclose(moved, 0.05 * same.signatures[key][at], atol=1e-9 + 1e-6 * np.abs(moved).max())
+
+
+def test_flights_are_filtered_anew_for_errors_that_were_not_taken_out_yet(late: HelicopterBench) -> None:
+    latency, mass = CATALOGUE["camera_latency"], CATALOGUE["mass"]
+    assert late.anew([latency], {"cameras.down.stamp_delay": 0.06}) is None
+    back = late.anew([mass], {"mass": 5.2})
+    assert back is not None and back.prepared_at == {} and back.anew([mass], {"mass": 5.2}) is None
+
+
+def test_a_vehicle_with_a_sensors_error_has_it_in_the_unit_of_its_file(raptor: Vehicle) -> None:
+    changed = about.with_errors(raptor, {"sensors.imu.bias_wz": 0.01, "sensors.baro.lag": 0.4},
+                                {"sensors.imu.bias_wz": "rad/s", "sensors.baro.lag": "s"})  # fmt: skip
+    assert changed.sensors["imu"].numbers["bias_wz"] == pytest.approx(0.01)
+    assert changed.sensors["baro"].numbers["lag"] == pytest.approx(0.4)
+    assert about.number(changed, "sensors.baro.lag", "s", 0.0) == pytest.approx(0.4)
+    assert about.number(raptor, "sensors.imu.bias_wz", "rad/s", 0.0) == 0.0
+    assert raptor.sensors["baro"].numbers["lag"] == pytest.approx(0.1)
