@@ -34,7 +34,7 @@ def level(flight: Flight, kind: int) -> float:
 
 @pytest.mark.parametrize("tau", [0.0, 0.02, 0.1, 0.5])
 def test_a_lag_is_exact_for_a_ramp_and_leaves_what_stands_still(tau: float) -> None:
-    t = 0.04 * np.arange(500)
+    t = np.asarray(0.04 * np.arange(500), float)
     late = 2.0 * t - lagged(2.0 * t, tau, 0.04)
     np.testing.assert_allclose(late, 2.0 * tau * (1.0 - np.exp(-t / tau) if tau else 0.0 * t), atol=1e-12)
     np.testing.assert_allclose(lagged(np.full(5, 3.0), tau, 0.04), 3.0)
