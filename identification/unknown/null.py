@@ -12,9 +12,10 @@ MARGIN = 15.0  # [nats] where no nulls were counted
 # [nats] helicopters: of 40 null sets (three flights of 60 s, tests/blind) force came to 38 at most, moment 41, mag 22,
 # gps.v 10, imu 6, gps 4, rotor and pad 1, a sonar in reach of the ground in two only, 3; baro 25 before what the rotor
 # adds went through its lag. A Gumbel tail of these (benchmarks/unknown.py) puts one set in 500 at force 57, moment 81,
-# baro 39, mag 35, and the others at 15 or less
+# baro 39, mag 35, and the others at 15 or less. The receiver's stands by hand: where its wander is quicker than in the
+# file, its innovations remember for seconds, and a curve of height took 69 on a set with late servos
 HELICOPTER: Mapping[str, float] = {
-    "force": 60.0, "moment": 80.0, "imu": 20.0, "pad": 20.0, "rotor": 20.0, "sonar": 20.0, "gps": 20.0,
+    "force": 60.0, "moment": 80.0, "imu": 20.0, "pad": 20.0, "rotor": 20.0, "sonar": 20.0, "gps": 80.0,
     "gps.v": 20.0, "baro": 40.0, "mag": 40.0,
 }  # fmt: skip
 
