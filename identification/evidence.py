@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from identification import kinematics as k
+from identification.beginning import SETTLED
 from identification.causes import CATALOGUE, Cause, Change
 from identification.declared import declared, offsets
 from identification.drive import Driven, Noise, gust_slopes, judge
-from identification.flight import SETTLED, Flight
+from identification.flight import Flight
 from identification.grid import sheared, turned
 from identification.gusts import usual
 from identification.model import Model, tolerance_of

@@ -3,26 +3,25 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import lfilter
-from scipy.spatial.transform import Rotation
 
-from flightlog.atmosphere import SURFACE_PRESSURE, SURFACE_TEMPERATURE, density_at, pressure_at
-from flightlog.camera import DOWN
+from flightlog.atmosphere import SURFACE_PRESSURE, SURFACE_TEMPERATURE, pressure_at
 from flightlog.constants import GRAVITY, LAPSE_RATE
 from flightlog.errors import UserError
-from flightlog.rotations import angles, matrix, quaternion
+from flightlog.rotations import angles
 from flightlog.tables import Table
 from identification import kinematics as k
+from identification.barometer import lag_of, rounded, washed
+from identification.beginning import SETTLED, levelled, mended, start
 from identification.corrections import bent, corrected
-from identification.first_look import displaced, lonely
+from identification.first_look import lonely
 from identification.grid import Course, Drive, lay, smooth
 from identification.sensor_statistics import statistics
 from identification.vibration import calm
+from identification.white_noise import noise_factors
 from sim.vehicle import Vehicle
 from sim.world import MAGNETIC_FIELD
 
@@ -33,16 +32,10 @@ STEP = 0.04  # [s] of a node: a turn of the rotor, so that its vibration has no 
 NEEDED = ("imu", "controls", "rotor")
 CLEAR = 0.08  # [m] of the skids above the ground while a flight is looked at
 AFTERMATH = 0.6  # [s] that a touch of the ground shakes
-ALIGNED = 5.0  # [s] until it knows how it lies
-SETTLED = 1.0  # [s] until the filter knows where it is
-LEAST_SAMPLES = 40  # to take a noise level from
-LEAST_FACTOR = 0.4  # of the declared one
 POINTING, STAMP = 5e-4, 2e-3  # [rad], [s]: what gyro and stamps leave open in turning from body to camera to world
 PAD_FLOOR, ANGLE_FLOOR = 0.002, 1e-3  # [m], [rad] that no front end is better than
 TACH_SPAN = 0.3  # [s] over which the tachometer is smoothed
 REACH_MARGIN = 2.0  # [m] that GPS and barometer may both be too high
-MOST_ALIKE = 0.98  # correlation of neighbouring innovations
-CHI2_MEDIAN = 0.4549  # median of chi-square with one degree of freedom
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,14 +102,14 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
     edges = _edges(imu_t)
     measurements = _measurements(tables, vehicle, imu_t, imu, edges)
     down = vehicle.cameras.get("down")
-    start = _start(tables, imu, imu_t, None if down is None else down.mount.position)
+    begun = start(tables, imu, imu_t, _samples_a_turn(imu_t), None if down is None else down.mount.position)
     surface = pressure, temperature
     borne = _at_origin(imu_t, imu, vehicle.sensors["imu"].position)
-    motion, samples, skids = _filter(vehicle, imu_t, borne, edges, measurements, start, setup, mass, surface)
+    motion, samples, skids = _filter(vehicle, imu_t, borne, edges, measurements, begun, setup, mass, surface)
     if bent(vehicle):
         tables = corrected(raw, vehicle, (imu_t, samples[:, 6:]))
         measurements = _measurements(tables, vehicle, imu_t, imu, edges)
-        motion, samples, skids = _filter(vehicle, imu_t, borne, edges, measurements, start, setup, mass, surface)
+        motion, samples, skids = _filter(vehicle, imu_t, borne, edges, measurements, begun, setup, mass, surface)
     last = _airborne(skids)
     if last * STEP < 5.0:
         raise UserError(f"{name}: {last * STEP:.1f} s in the air; at least 5 s would be right")
@@ -139,7 +132,7 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
         measured[touched] = np.nan  # the ground's force is not the model's
         notes.append(f"on or near the ground for {touched.sum() * STEP:.1f} s: force and moment not judged there")
     return Flight(
-        name, motion, drive, measured, inertial, thrust, skids[:last], _baro_lag(vehicle),
+        name, motion, drive, measured, inertial, thrust, skids[:last], lag_of(vehicle),
         _echoes(tables, vehicle, motion), tuple(notes),
     )  # fmt: skip
 
@@ -275,34 +268,9 @@ def _measurements(
     return np.asarray(first, np.int64), kinds[order], times[order], values[order], stds[order]
 
 
-def _start(tables: Mapping[str, Table], imu: Floats, imu_t: Floats, camera: Floats | None) -> Floats:
-    """Position, velocity and attitude (10,) to begin with: level by the force, heading by the field."""
-    fx, fy, fz = imu[: max(10, _samples_a_turn(imu_t) * 5), :3].mean(axis=0)
-    roll, pitch = math.atan2(fy, fz), math.atan2(fx, math.hypot(fy, fz))
-    heading = 0.0
-    if "mag" in tables and len(tables["mag"]):
-        mx, my, mz = tables["mag"].stack("mx", "my", "mz")[:20].mean(axis=0)
-        forward = mx * math.cos(pitch) - math.sin(pitch) * (my * math.sin(roll) + mz * math.cos(roll))
-        left = my * math.cos(roll) - mz * math.sin(roll)
-        heading = math.atan2(left, forward)
-    start = np.zeros(10)
-    if "gps" in tables and len(tables["gps"]):
-        start[:6] = np.nan_to_num(tables["gps"].stack("e", "n", "u", "ve", "vn", "vu")[0])
-    elif "baro" in tables and len(tables["baro"]):
-        start[2] = float(tables["baro"]["altitude"][0])
-    start[6:] = quaternion(roll, pitch, heading)
-    if "pad" in tables and len(tables["pad"]) and camera is not None:
-        # what the camera sees is linear in the position only where that is known to some tenths of a metre
-        seen = tables["pad"].stack("x", "y", "z")
-        first = seen[np.isfinite(seen).all(axis=1)][:1]
-        if len(first) and tables["pad"]["t"][0] < imu_t[0] + SETTLED:
-            start[:3] = -matrix(start[6:]) @ (DOWN @ first[0] + camera)
-    return start
-
-
 def _filter(
     vehicle: Vehicle, imu_t: Floats, imu: Floats, edges: Ints,
-    measurements: tuple[Ints, Ints, Floats, Floats, Floats], start: Floats, setup: Floats, mass: float,
+    measurements: tuple[Ints, Ints, Floats, Floats, Floats], begun: Floats, setup: Floats, mass: float,
     surface: tuple[float, float],
 ) -> tuple[Motion, Floats, Floats]:  # fmt: skip
     """Several times: what the rotor's downwash does to the barometer needs the height, and each sensor's white noise
@@ -319,20 +287,20 @@ def _filter(
     for turn in range(4):
         last = turn == 3
         k.track(
-            imu_t, imu, edges, first, kinds, times, values, np.hypot(stds, unsure), slow, shifts, start, setup,
+            imu_t, imu, edges, first, kinds, times, values, np.hypot(stds, unsure), slow, shifts, begun, setup,
             MAGNETIC_FIELD, prior, noise, decay, way, samples, rows, gains, answers,
         )  # fmt: skip
         if turn == 0:
-            start = _levelled(imu_t, imu, samples, start)
-            start, prior = _mended(vehicle, imu_t, samples, kinds, times, values, setup, start, prior)
+            begun = levelled(imu_t, imu, samples, begun)
+            begun, prior = mended(vehicle, imu_t, samples, kinds, times, values, setup, begun, prior)
         height = samples[ends, 2] - skid
         if not last:
-            washed = _downwash(vehicle, kinds, times, imu_t[ends], height, mass * way[:, 2], surface)
-            shifts = washed + _rounded(vehicle, kinds, times, imu_t[ends], samples[ends, 2])
+            wash = washed(vehicle, kinds, times, imu_t[ends], height, mass * way[:, 2], surface)
+            shifts = wash + rounded(vehicle, kinds, times, imu_t[ends], samples[ends, 2])
             # where the ground carries the vehicle, nobody knows what the rotor does
             standing = np.interp(times, imu_t[ends], _touched(height)) > 0.0
-            unsure = np.where(standing, np.abs(washed), 0.0)
-            stds = stds * _noise_factors(kinds, times, stds, answers, imu_t[0] + SETTLED, measurements[4])[kinds]
+            unsure = np.where(standing, np.abs(wash), 0.0)
+            stds = stds * noise_factors(kinds, times, stds, answers, imu_t[0] + SETTLED, measurements[4])[kinds]
     motion = Motion(
         STEP, imu_t[ends], first, kinds, times, values, stds, decay, way, rows, gains, answers,
         samples[ends, :3], samples[ends, 3:6], samples[ends, 6:],
@@ -345,108 +313,6 @@ def _at_origin(t: Floats, imu: Floats, arm: Floats) -> Floats:
     rate, moved = imu[:, 3:], imu.copy()
     moved[:, :3] -= np.cross(np.gradient(rate, t, axis=0), arm) + np.cross(rate, np.cross(rate, arm))
     return moved
-
-
-def _levelled(imu_t: Floats, imu: Floats, samples: Floats, start: Floats) -> Floats:
-    """The start with the attitude that the gyro leads back to from where the other sensors have shown it.
-
-    A flight that begins while wind and rotor push it is not level where its force says so.
-    """
-    known = min(int(np.searchsorted(imu_t, imu_t[0] + ALIGNED)), len(imu_t) - 1)
-    rate = 0.5 * (imu[:known, 3:] + imu[1 : known + 1, 3:])
-    turns = Rotation.from_rotvec(rate * np.diff(imu_t[: known + 1])[:, None])
-    turned = reduce(Rotation.__mul__, turns, Rotation.identity())
-    first = (Rotation.from_quat(samples[known, 6:], scalar_first=True) * turned.inv()).as_quat(scalar_first=True)
-    return np.concatenate([start[:6], first])
-
-
-def _mended(
-    vehicle: Vehicle, imu_t: Floats, samples: Floats, kinds: Ints, times: Floats, values: Floats, setup: Floats,
-    start: Floats, prior: Floats,
-) -> tuple[Floats, Floats]:  # fmt: skip
-    """Start and prior where the receiver, by which the start was taken, stands far off the mark."""
-    if "gps" not in vehicle.sensors:
-        return start, prior
-    n = vehicle.sensors["gps"].numbers
-    flat, up = np.hypot(n["bias_std"], n["wander_std"]), np.hypot(n["bias_std_up"], n["wander_std_up"])
-    off = displaced(imu_t, samples, kinds, times, values, setup, np.array([flat, flat, up]))
-    seen = times[kinds == k.PAD]
-    if off is None or seen[0] < imu_t[0] + SETTLED:  # else the mark itself is where it began
-        return start, prior
-    start, prior = start.copy(), prior.copy()
-    start[:3] -= off[0]
-    prior[k.P : k.P + 3] = off[1] ** 2
-    return start, prior
-
-
-def _noise_factors(
-    kinds: Ints, times: Floats, stds: Floats, answers: Floats, begin: float, declared: Floats
-) -> Floats:
-    """(KINDS,) by which each kind's white noise is larger than taken so far; by medians: outliers do not count.
-
-    Less than declared is believed only where it is white: a sensor that gives running means is quiet from sample to
-    sample and no better over a second. White noise of the same density at low frequency is sqrt((1 + c) / (1 - c))
-    times as large, where c is the correlation of neighbours (first-order memory); it is taken from that of their
-    differences, (c - 1) / 2, to which what varies slowly for other reasons adds nothing.
-    """
-    factors = np.ones(k.KINDS)
-    for kind in range(k.KINDS):
-        at = (kinds == kind) & (times >= begin) & (answers[:, 2] > 0)
-        if np.count_nonzero(at) < LEAST_SAMPLES:
-            continue
-        nu, s, r = answers[at, 0], answers[at, 1], stds[at]
-        spread = np.median((nu / s) ** 2) / CHI2_MEDIAN  # of the innovation over what was expected
-        share = np.median((r / s) ** 2)  # of the innovation's variance that is white noise
-        least = 1.0 if kind >= k.PAD else LEAST_FACTOR  # a mark's floors are no noise
-        factors[kind] = math.sqrt(np.clip((spread - (1.0 - share)) / share, least**2, 9.0))
-        most = float(np.median(declared[at] / r))
-        if factors[kind] < most:
-            steps = np.diff(nu / s)
-            alike = float(np.clip(1.0 + 2.0 * np.corrcoef(steps[:-1], steps[1:])[0, 1], 0.0, MOST_ALIKE))
-            factors[kind] = min(most, factors[kind] * math.sqrt((1.0 + alike) / (1.0 - alike)))
-    return factors
-
-
-def downwash(vehicle: Vehicle, skids: Floats, thrust: Floats, surface: tuple[float, float]) -> Floats:
-    """Metres by which the barometer reads low for a gain of 1, at heights of the skids [m] and thrusts [N]."""
-    n = vehicle.sensors["baro"].numbers
-    area = math.pi * float(vehicle.geometry["rotor_radius"]) ** 2
-    weight = density_at(0.0, *surface) * GRAVITY
-    return np.asarray(thrust / area / weight * np.exp(-np.maximum(skids, 0.0) / n["downwash_height_scale"]))
-
-
-def _downwash(
-    vehicle: Vehicle, kinds: Ints, times: Floats, t: Floats, skids: Floats, thrust: Floats, surface: tuple[float, float]
-) -> Floats:
-    shifts = np.zeros(len(times))
-    if "baro" in vehicle.sensors:
-        low = downwash(vehicle, skids, thrust, surface) * vehicle.sensors["baro"].numbers["downwash_gain"]
-        at, lag = kinds == k.BARO, _baro_lag(vehicle)
-        shifts[at] = -np.interp(times[at] + lag, t, lagged(low, lag, STEP))
-    return shifts
-
-
-def _baro_lag(vehicle: Vehicle) -> float:
-    return float(vehicle.sensors["baro"].numbers["lag"]) if "baro" in vehicle.sensors else 0.0
-
-
-def lagged(values: Floats, tau: float, step: float) -> Floats:
-    """What a lag of first order makes of values (N,) that lie `step` apart; it begins at rest.
-
-    Exact for what is straight between them: y' = a y + (1 - r) x' + (r - a) x, a = exp(-h/tau), r = (1 - a) tau/h.
-    """
-    kept = math.exp(-step / tau) if tau > 0.0 else 0.0
-    ramp = (1.0 - kept) * tau / step
-    taps = [1.0 - ramp, ramp - kept]
-    return np.asarray(lfilter(taps, [1.0, -kept], values, zi=[(1.0 - taps[0]) * values[0]])[0])
-
-
-def _rounded(vehicle: Vehicle, kinds: Ints, times: Floats, t: Floats, height: Floats) -> Floats:
-    """(M,) by which a barometer that lags differs from one that is late; late it is by its times already."""
-    shifts, lag = np.zeros(len(times)), _baro_lag(vehicle)
-    at = kinds == k.BARO
-    shifts[at] = np.interp(times[at] + lag, t, lagged(height, lag, STEP)) - np.interp(times[at], t, height)
-    return shifts
 
 
 def _airborne(skids: Floats) -> int:

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightlog.rotations import matrix
+from identification.beginning import SETTLED
 from identification.bench import Bench
 from identification.diagnosis import Diagnosis
-from identification.flight import SETTLED
 from identification.free_run import rig_runs
 from identification.helicopter import HelicopterBench
 from identification.refit import Refit

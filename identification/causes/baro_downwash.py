@@ -3,8 +3,9 @@
 import numpy as np
 
 from identification import kinematics as k
+from identification.barometer import downwash, lagged
 from identification.causes.contract import Cause, Change, Parameter
-from identification.flight import Flight, downwash, lagged
+from identification.flight import Flight
 from sim.vehicle import Vehicle
 
 

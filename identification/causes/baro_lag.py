@@ -3,8 +3,9 @@
 import numpy as np
 
 from identification import kinematics as k
+from identification.barometer import downwash, lagged
 from identification.causes.contract import Cause, Change, Parameter
-from identification.flight import Flight, downwash, lagged
+from identification.flight import Flight
 from sim.vehicle import Vehicle
 
 LESS, MORE = 0.1, 0.3  # [s] over which the slope is taken: a lag is not linear in its time constant

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from flightlog.replay_pair import Track
 from flightlog.rotations import matrix
-from identification.flight import SETTLED
+from identification.beginning import SETTLED
 from identification.helicopter import HelicopterBench
 from identification.refit import Refit
 from identification.report.unforeseen import foreseen

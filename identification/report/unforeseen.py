@@ -7,10 +7,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.beginning import SETTLED
 from identification.bench import Bench
 from identification.dynamics import CHANNELS, UNITS
 from identification.evidence import WINDY
-from identification.flight import SETTLED
 from identification.helicopter import HelicopterBench
 from identification.multirotor.bench import MultirotorBench
 from identification.refit import Refit

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from flightlog.rotations import angles
 from identification import about
 from identification import kinematics as k
+from identification.barometer import lagged
 from identification.causes import CATALOGUE
-from identification.flight import Flight, lagged, prepare
+from identification.flight import Flight, prepare
 from identification.helicopter import HelicopterBench
 from sim.vehicle import Vehicle, load
 from tests.identification.short_flight import Columns, copied, made_table
