@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from flightlog.rotations import matrix
 from identification import kinematics as k
 from identification.beginning import SETTLED
 from identification.causes import CATALOGUE, Cause, Change
@@ -162,7 +163,7 @@ class Sheet:
         self._rates = {key: change.rate for key, change in changes.items() if change.rate is not None}
         dz = np.zeros((scalars, len(changes)))
         df, dw = np.zeros((nodes, 3, len(changes))), np.zeros((nodes, 3, len(changes)))
-        begin = np.zeros((k.STATES, len(changes)))
+        begin, first = np.zeros((k.STATES, len(changes))), matrix(flight.motion.attitude[0])
         for c, (key, change) in enumerate(changes.items()):
             if change.scalars is not None:
                 dz[:, c] = change.scalars
@@ -174,6 +175,8 @@ class Sheet:
                 df[:, :, c], dw[:, :, c] = self._measured[key][:, :3], self._measured[key][:, 3:6]
             else:
                 begin[change.state, c] = -1.0  # believed less true
+                if k.CASE <= change.state < k.CASE + 3:  # the start was levelled by what the case feels
+                    begin[k.PHI : k.PHI + 2, c] = first[:2, change.state - k.CASE]
             if change.rotor is not None:
                 self._measured[key][:, 6] = change.rotor
         m = flight.motion
@@ -297,8 +300,8 @@ class Sheet:
             return {}
         nodes, scalars = len(self.flight.motion.t), len(self.flight.motion.kinds)
         nothing = np.zeros((nodes, 7))
-        # a model that answers more would expect more: its signature is what its answer lacks
-        answer = np.stack([*model.values(), *(self.by_rate.get(key, nothing) for key in measured)], axis=-1)
+        # what a number adds to the true answer, the model lacks; what a sensor adds to the rate, the model does answer
+        answer = np.stack([*model.values(), *(-self.by_rate.get(key, nothing) for key in measured)], axis=-1)
         seen = np.stack([*(nothing for _ in model), *measured.values()], axis=-1)
         below = self._driven.whiten(-answer, seen).reshape(7 * nodes, len(keys))
         empty = np.zeros(scalars)

@@ -33,7 +33,7 @@ def felt(flight: Flight) -> tuple[Floats, Floats]:
     """(N, 3) specific force [m/s^2] and (N, 3) rate [rad/s] in body axes, free of the inertial sensor's own noise."""
     motion = flight.motion
     force = rate_of(motion.velocity, flight) + [0.0, 0.0, GRAVITY]
-    rate = uniform_filter1d(motion.way[:, 12:15], 4 * SMOOTH + 1, axis=0)
+    rate = motion.way[:, 12:15]
     return np.einsum("nji,nj->ni", rotations(flight), force), np.asarray(rate)
 
 

@@ -11,8 +11,11 @@ from identification import about
 from identification import kinematics as k
 from identification.barometer import lagged
 from identification.causes import CATALOGUE
+from identification.drive import Noise
+from identification.evidence import DRIVEN, Sheet
 from identification.flight import Flight, prepare
 from identification.helicopter import HelicopterBench
+from identification.model import Model
 from sim.vehicle import Vehicle, load
 from tests.identification.short_flight import Columns, copied, made_table
 
@@ -94,6 +97,31 @@ def test_flights_are_filtered_anew_for_errors_that_were_not_taken_out_yet(late: 
     assert late.anew([latency], {"cameras.down.stamp_delay": 0.06}) is None
     back = late.anew([mass], {"mass": 5.2})
     assert back is not None and back.prepared_at == {} and back.anew([mass], {"mass": 5.2}) is None
+
+
+@pytest.mark.parametrize(("key", "size"), [
+    ("sensors.imu.bias_wx", 0.02), ("sensors.imu.bias_wz", 0.02), ("sensors.imu.misalignment_y", 0.03)
+])  # fmt: skip
+def test_what_the_model_meets_of_an_inertial_sensors_error_is_that_of_flights_filtered_without_it(
+    flown: Columns, raptor: Vehicle, key: str, size: float
+) -> None:
+    """Rate that is read too much is measured, and the model answers it: both must come with their own sign."""
+    causes = [CATALOGUE[name] for name in ("imu_bias", "imu_misalignment", "imu_scale")]
+    parameter = next(p for cause in causes for p in cause.parameters if p.key == key)
+    other = about.with_errors(raptor, {key: parameter.nominal + size}, {key: parameter.unit})
+    sheets = [Sheet(Model(raptor), prepared(flown, vehicle), causes, []) for vehicle in (raptor, other)]
+    for sheet in sheets:
+        sheet.linearise()
+        sheet.gust = sheets[0].gust
+        sheet.whiten(Noise())
+    model = sheets[0].channel >= DRIVEN
+    moved = (sheets[0].residual({}) - sheets[1].residual({}))[model]
+    expected = size * sheets[0].columns[key][model]
+    assert np.linalg.norm(moved - expected) < 0.5 * np.linalg.norm(moved)
+    for moment in range(3, 6):  # each by itself, where the error shows in it
+        one, same = moved[moment::7], expected[moment::7]
+        if np.linalg.norm(one) > 0.2 * np.linalg.norm(moved):
+            assert one @ same > 0.9 * np.linalg.norm(one) * np.linalg.norm(same)
 
 
 def test_a_vehicle_with_a_sensors_error_has_it_in_the_unit_of_its_file(raptor: Vehicle) -> None:
