@@ -8,7 +8,7 @@ from flightlog.camera import DOWN
 from flightlog.constants import GRAVITY
 from flightlog.rotations import matrix
 from identification import kinematics as k
-from identification.causes.contract import Change
+from identification.change import Change
 from identification.flight import Flight
 from sim.vehicle import Vehicle
 from sim.world import MAGNETIC_FIELD

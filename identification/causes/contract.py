@@ -4,27 +4,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from identification.change import Change as Change
 from identification.flight import Flight
 from sim.vehicle import Vehicle
 
-Floats = NDArray[np.float64]
 Where = Literal["plant", "sensor", "timing"]
-
-
-@dataclass(frozen=True, eq=False)
-class Change:
-    """What one unit of a parameter adds to the measurements of one flight; None: nothing."""
-
-    scalars: Floats | None = None  # (M,) to every scalar measurement of the motion
-    force: Floats | None = None  # (N, 3) [m/s^2] to the inertial sensor's force, body axes
-    rate: Floats | None = None  # (N, 3) [rad/s] to its rate
-    rotor: Floats | None = None  # (N,) [rad/s] to the tachometer
-    # of `kinematics`: the filter of the motion has this error as a state, which is off by one unit where it begins;
-    # force and rate then say what the model meets, and may be smoothed
-    state: int | None = None
 
 
 @dataclass(frozen=True)
