@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flightlog.errors import UserError
 from flightlog.tables import Table
 from identification import about, noise_fit
 from identification import evidence as ev
@@ -100,11 +101,15 @@ class HelicopterBench:
     def anew(self, causes: Sequence[Cause], at: Mapping[str, float]) -> "HelicopterBench | None":
         """The same flights, filtered with these causes' errors of sensors as in `at`.
 
-        None where there are none, or just these were taken out already.
+        None where there are none, just these were taken out already, or no vehicle can have them.
         """
         own = [p.key for cause in causes if cause.changes is not None for p in cause.parameters]
         errors = {key: at[key] for key in own if key.startswith(about.OF_SENSORS) and key in at}
         if errors.keys() == self.prepared_at.keys():
+            return None
+        try:
+            about.with_errors(self.vehicle, errors, self.units)
+        except UserError:  # so far off that no vehicle file may say it
             return None
         return HelicopterBench(self._logs, self.vehicle, prepared_at=errors)
 

@@ -96,6 +96,7 @@ def test_flights_are_filtered_anew_for_errors_that_were_not_taken_out_yet(late: 
     latency, mass = CATALOGUE["camera_latency"], CATALOGUE["mass"]
     assert late.anew([latency], {"cameras.down.stamp_delay": 0.06}) is None
     back = late.anew([mass], {"mass": 5.2})
+    assert back is not None and back.anew([latency], {"cameras.down.stamp_delay": 9.0}) is None
     assert back is not None and back.prepared_at == {} and back.anew([mass], {"mass": 5.2}) is None
 
 
