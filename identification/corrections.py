@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from flightlog.camera import DOWN
 from flightlog.equipment import CameraSpec
-from flightlog.marks import HMark
 from flightlog.rotations import from_vector, matrix, quaternion
 from flightlog.tables import Table
-from sim.sensors.pad_camera import by_lens
+from identification.lens import bend
 from sim.vehicle import Vehicle
 
 Floats = NDArray[np.float64]
 
 LENS_ROUNDS = 2
+STATED = ("std_x", "std_y", "std_z")
 FORCE, RATE = ("fx", "fy", "fz"), ("wx", "wy", "wz")
 
 
@@ -47,7 +47,7 @@ def corrected(
         changes = _values(topic, table, numbers)
         if topic == "pad" and "down" in vehicle.cameras:
             held = None if attitudes is None else _held(table, vehicle.cameras["down"], numbers, attitudes)
-            changes = _picture(table, vehicle.cameras["down"], numbers, held)
+            changes = _picture(table, vehicle, held)
         late = numbers.get("clock", 0.0)
         if topic == "gps":
             late += numbers["delay"]
@@ -111,16 +111,15 @@ def _held(
     return np.array([matrix(q) for q in quaternions[at]])
 
 
-def _picture(
-    table: Table, camera: CameraSpec, n: Mapping[str, float], held: Floats | None
-) -> dict[str, Floats]:
-    """The mark as the camera would see it that it is taken for; its angle is left as it is."""
+def _picture(table: Table, vehicle: Vehicle, held: Floats | None) -> dict[str, Floats]:
+    """The mark as the camera would see it that it is taken for, and how sure that is; its angle is left as it is."""
+    camera, n = vehicle.cameras["down"], vehicle.sensors["pad"].numbers
     scale, focal = n["scale"], camera.focal_scale * n["focal_scale"]
     k1, axes = camera.k1_error + n["k1"], camera.mount.axes
     straight = np.allclose(axes, DOWN, atol=1e-12)
     if scale == focal == 1.0 and straight and not k1:
         return {}
-    seen = table.stack("x", "y", "z") / scale * [1.0, 1.0, focal]
+    seen, found = table.stack("x", "y", "z") / scale * [1.0, 1.0, focal], {}
     if k1:
         if held is None:  # its axis points north
             headings = -np.nan_to_num(np.asarray(table["angle"], float)) if "angle" in table else np.zeros(len(seen))
@@ -129,12 +128,16 @@ def _picture(
         straightened = seen.copy()
         for _ in range(LENS_ROUNDS):  # from where the mark is, not from where it seems to be
             position = -np.einsum("nij,nj->ni", held, straightened @ axes.T + camera.mount.position)[good]
-            moved = by_lens(position, held[good], camera.model, camera.mount, HMark(), n)
-            straightened[good] = seen[good] - k1 * moved[:, :3]
+            lens = bend(position, held[good], vehicle)
+            straightened[good] = seen[good] - k1 * lens.moved[:, :3]
         seen = straightened
+        for axis, name in enumerate(STATED):
+            if name in table:
+                found[name] = np.asarray(table[name], float).copy()
+                found[name][good] = np.hypot(found[name][good], k1 * lens.unsure[:, axis])
     if not straight:
         seen = seen @ axes.T @ DOWN
-    return dict(zip(("x", "y", "z"), seen.T, strict=True))
+    return found | dict(zip(("x", "y", "z"), seen.T, strict=True))
 
 
 def _with(table: Table, columns: Mapping[str, Sequence[float] | Floats]) -> Table:

@@ -35,10 +35,7 @@ BENCHES: Mapping[str, str] = {
     "multirotor": "identification.multirotor",
     "rig": "identification.rig",
 }
-# [nats] of a set of causes, from which on flights are filtered anew and searched once more: a lag of half a second is
-# found a fifth too small from where the file has it, and what a plain error leaves over looks like others
-PLAIN = 20.0
-LOOKS = 3
+LOOKS = 3  # further searches, each with what the one before found of sensors taken out of the measurements
 SURE = 0.5  # probability of a cause or its class from which on it is asserted
 
 Logs = Mapping[str, Mapping[str, Table]]
@@ -119,12 +116,15 @@ def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float | None) -> Diagno
 
 
 def _anew(search: Search, best: Names) -> Bench | None:
-    """The flights prepared anew, where what was found is so plain that what is not linear about it may matter.
+    """The flights prepared anew with what was found of their sensors taken out.
+
+    What a sensor's error does is not linear: a lag of half a second is found a fifth too small from where the file has
+    it, and what is left over looks like others.
 
     Not where it is the best of wrong explanations: what contradicts it is not to be taken for noise.
     """
     prepare = getattr(search.bench, "anew", None)
-    if prepare is None or not best or search.gain(best) < PLAIN or doubt(search, best):
+    if prepare is None or not best or doubt(search, best):
         return None
     found: Bench | None = prepare([search.causes[name] for name in best], search.fit(best).values)
     return found

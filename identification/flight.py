@@ -14,6 +14,7 @@ from flightlog.errors import UserError
 from flightlog.rotations import angles
 from flightlog.tables import Table
 from identification import kinematics as k
+from identification import lens
 from identification.barometer import lag_of, rounded, washed
 from identification.beginning import SETTLED, levelled, mended, start
 from identification.corrections import bent, corrected
@@ -82,6 +83,7 @@ class Flight:
     thrust: Floats  # (N,) [N] about: force along the mast times mass
     skids: Floats  # (N,) [m] of the skids above the ground
     baro_lag: float  # [s] by which the barometer was taken to follow
+    late: frozenset[str]  # topics of which some lateness was taken out
     echoes: tuple[int, int]  # samples of the ranger beyond its reach, and how many of them said they were valid
     notes: tuple[str, ...]
 
@@ -133,7 +135,7 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
         notes.append(f"on or near the ground for {touched.sum() * STEP:.1f} s: force and moment not judged there")
     return Flight(
         name, motion, drive, measured, inertial, thrust, skids[:last], lag_of(vehicle),
-        _echoes(tables, vehicle, motion), tuple(notes),
+        _late(vehicle), _echoes(tables, vehicle, motion), tuple(notes),
     )  # fmt: skip
 
 
@@ -281,7 +283,8 @@ def _filter(
     prior, noise, decay = statistics(vehicle, STEP, float(np.median(np.diff(imu_t))))
     way, samples = np.zeros((nodes, 15)), np.zeros((len(imu_t), 10))
     rows, gains, answers = (np.zeros((len(times), n)) for n in (k.STATES, k.STATES, 3))
-    shifts, unsure, slow = np.zeros(len(times)), np.zeros(len(times)), np.where(kinds >= k.PAD, stds, 0.0)
+    shifts, unsure, picture = np.zeros((3, len(times)))
+    slow = np.where(kinds >= k.PAD, stds, 0.0)
     ends = np.clip(edges[1:] - 1, 0, len(imu_t) - 1)
     skid = float(vehicle.geometry["skid_height"])
     for turn in range(4):
@@ -293,13 +296,14 @@ def _filter(
         if turn == 0:
             begun = levelled(imu_t, imu, samples, begun)
             begun, prior = mended(vehicle, imu_t, samples, kinds, times, values, setup, begun, prior)
+            picture = lens.unsure(vehicle, kinds, times, imu_t[ends], samples[ends])
         height = samples[ends, 2] - skid
         if not last:
             wash = washed(vehicle, kinds, times, imu_t[ends], height, mass * way[:, 2], surface)
             shifts = wash + rounded(vehicle, kinds, times, imu_t[ends], samples[ends, 2])
             # where the ground carries the vehicle, nobody knows what the rotor does
             standing = np.interp(times, imu_t[ends], _touched(height)) > 0.0
-            unsure = np.where(standing, np.abs(wash), 0.0)
+            unsure = np.where(standing, np.abs(wash), 0.0) + picture
             stds = stds * noise_factors(kinds, times, stds, answers, imu_t[0] + SETTLED, measurements[4])[kinds]
     motion = Motion(
         STEP, imu_t[ends], first, kinds, times, values, stds, decay, way, rows, gains, answers,
@@ -334,6 +338,14 @@ def _cut(m: Motion, nodes: int) -> Motion:
         m.decay, m.way[:nodes], m.rows[:last], m.gains[:last], m.answers[:last], m.position[:nodes],
         m.velocity[:nodes], m.attitude[:nodes],
     )  # fmt: skip
+
+
+def _late(vehicle: Vehicle) -> frozenset[str]:
+    """Topics whose stamps the file knows to be late."""
+    late = {topic: fitted.numbers.get("delay", 0.0) for topic, fitted in vehicle.sensors.items()}
+    if "pad" in late and "down" in vehicle.cameras:
+        late["pad"] += vehicle.cameras["down"].stamp_delay
+    return frozenset(topic for topic, delay in late.items() if delay)
 
 
 def _echoes(tables: Mapping[str, Table], vehicle: Vehicle, motion: Motion) -> tuple[int, int]:

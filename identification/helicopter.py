@@ -36,6 +36,7 @@ ROUGH = ("actuator_deadband",)  # causes of which a slope says little
 # numbers says little of the true ones, least of all by moments, which show a hundredth of what tolerances leave open
 DIM = ((4.0, 100.0, 20.0), (4.0, 30.0, 8.0), (3.0, 15.0, 4.0))
 STEPS = 4  # tries at each
+SETTLED_BY = 0.1  # of a sensor's error, by which it may still change before flights are filtered anew for it
 MOVED = 0.5  # of a tolerance, beyond which a slope is taken anew
 
 SCALAR_UNITS = {"gps": "m", "baro": "m", "sonar": "m", "mag": "uT", "pad": "m"}
@@ -101,11 +102,14 @@ class HelicopterBench:
     def anew(self, causes: Sequence[Cause], at: Mapping[str, float]) -> "HelicopterBench | None":
         """The same flights, filtered with these causes' errors of sensors as in `at`.
 
-        None where there are none, just these were taken out already, or no vehicle can have them.
+        None where there are none, just these were taken out already by about as much, or no vehicle can have them.
         """
         own = [p.key for cause in causes if cause.changes is not None for p in cause.parameters]
         errors = {key: at[key] for key in own if key.startswith(about.OF_SENSORS) and key in at}
-        if errors.keys() == self.prepared_at.keys():
+        if errors.keys() == self.prepared_at.keys() and all(
+            abs(value - self.prepared_at[key]) <= SETTLED_BY * abs(value - self.nominal[key])
+            for key, value in errors.items()
+        ):
             return None
         try:
             about.with_errors(self.vehicle, errors, self.units)

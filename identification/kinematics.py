@@ -47,17 +47,15 @@ def _cross(a, b):
 
 @numba.njit(cache=True)
 def predict(kind, dt, p, v, q, w, extra, setup, field, row):
-    """What the sensor of `kind` should read `dt` [s] after the state (p, v, q, rate w), and its row (STATES,).
+    """What the sensor of `kind` should read in the state (p, v, q, rate w), and its row (STATES,).
 
-    extra: biases (9,): baro, gps (3), mag (3), sonar scale, camera scale. setup (6, 3): lever arms of gps, sonar, baro
+    dt [s]: how much later that is than the state that the row is taken for. extra: biases (9,): baro, gps (3), mag (3),
+    sonar scale, camera scale. setup (6, 3): lever arms of gps, sonar, baro
     and camera; row 4 [ranger's half beam, downwash of the barometer [m], -], row 5 unused.
     """
     row[:] = 0.0
-    turn = np.empty(3)
-    for i in range(3):
-        turn[i] = w[i] * dt
-    r = matrix(multiply(q, from_vector(turn)))
-    px, py, pz = p[0] + v[0] * dt, p[1] + v[1] * dt, p[2] + v[2] * dt
+    r = matrix(q)
+    px, py, pz = p[0], p[1], p[2]
     if kind < BARO:
         axis = kind % 3
         if kind < GPS_V:
@@ -140,6 +138,25 @@ def predict(kind, dt, p, v, q, w, extra, setup, field, row):
 
 
 @numba.njit(cache=True)
+def _back_then(late, share, i, end, p, v, q, w, motion, at_p, at_v):
+    """Attitude (4,) `late` [s] after inertial sample i, `share` of the way to the next; out: position, velocity then.
+
+    p, v, q: the state after sample `end`, with all that measurements have changed since; motion (S, 10): as the
+    inertial samples alone led from one to the next. w (3,): rate.
+    """
+    turn = np.empty(3)
+    following = min(i + 1, end)
+    for k in range(3):
+        gained = share * (motion[following, 3 + k] - motion[i, 3 + k])
+        at_v[k] = v[k] + motion[i, 3 + k] - motion[end, 3 + k] + gained
+        at_p[k] = p[k] + motion[i, k] - motion[end, k] + late * (at_v[k] - 0.5 * gained)
+        turn[k] = w[k] * late
+    undone = motion[end, 6:].copy()
+    undone[1:] *= -1.0
+    return multiply(multiply(q, multiply(undone, motion[i, 6:])), from_vector(turn))
+
+
+@numba.njit(cache=True)
 def transition(step, f, w, r, decay, x):
     """The error state's columns `x` (STATES, C) over a node of `step` [s].
 
@@ -198,6 +215,7 @@ def track(
     cov = np.diag(prior)
     extra = np.zeros(9)
     row = np.empty(STATES)
+    at_p, at_v, at_w = np.empty(3), np.empty(3), np.empty(3)
     shut = np.zeros(KINDS, dtype=np.int64)
     nodes = len(edges) - 1
     t = imu_t[edges[0]]
@@ -245,14 +263,26 @@ def track(
         transition(step, force, rate, middle, decay, cov)
         for i in range(STATES):
             cov[i, i] += noise[i]
+        end = edges[n + 1] - 1
+        here = min(edges[n], end)
         for m in range(first[n], first[n + 1]):
             kind = kinds[m]
+            while here < end and imu_t[here + 1] <= times[m] + 1e-9:
+                here += 1
+            late, following = times[m] - imu_t[here], min(here + 1, end)
+            share = min(max(late / (imu_t[following] - imu_t[here]), -1.0), 1.0) if following > here else 0.0
+            for k in range(3):
+                at_w[k] = imu[here, 3 + k] + share * (imu[following, 3 + k] - imu[here, 3 + k]) - biases[B_G + k]
+            seen = _cross(at_w, biases[CASE : CASE + 3])
+            for k in range(3):
+                at_w[k] -= seen[k] + biases[RATE_SCALE + k] * at_w[k]
+            at_q = _back_then(late, share, here, end, p, v, q, at_w, motion, at_p, at_v)
             extra[0] = biases[BARO_BIAS] + biases[BARO_DRIFT]
             for k in range(3):
                 extra[1 + k] = biases[GPS_BIAS + k] + biases[GPS_WANDER + k]
                 extra[4 + k] = biases[MAG + k]
             extra[7], extra[8] = biases[SONAR_SCALE], biases[CAMERA_SCALE]
-            value = predict(kind, times[m] - t, p, v, q, rate, extra, setup, field, row) + shifts[m]
+            value = predict(kind, times[m] - t, at_p, at_v, at_q, at_w, extra, setup, field, row) + shifts[m]
             if PAD <= kind < PAD_ANGLE:
                 for k in range(2):
                     value += row[CAMERA_TILT + k] * biases[CAMERA_TILT + k]

@@ -16,6 +16,7 @@ from sim.world import MAGNETIC_FIELD
 Floats = NDArray[np.float64]
 
 SMOOTH = 5  # nodes over which a slope is taken
+USUAL = {"gps": 0.1, "pad": 0.05}  # [s] by which a topic is late, if it is
 
 
 def rotations(flight: Flight) -> Floats:
@@ -62,18 +63,24 @@ def scalars(flight: Flight, *parts: tuple[int, Floats | float]) -> Floats:
 def slopes(flight: Flight, vehicle: Vehicle) -> dict[int, Floats]:
     """By kind, how fast what it measures changes along the nodes (N,)."""
     motion = flight.motion
-    acceleration = rate_of(motion.velocity, flight)
     r = rotations(flight)
-    # of what stands still, seen from a body that turns: db/dt = -w x b - R^T v; nodes' mean rates, at their ends
-    rate = motion.way[:, 12:15].copy()
-    rate[:-1] = 0.5 * (rate[:-1] + rate[1:])
+    acceleration = _at_ends(motion.way[:, :3]) - [0.0, 0.0, GRAVITY]
+    rate = _at_ends(motion.way[:, 12:15])
+    if "gps" in vehicle.sensors:  # its antenna goes round the origin
+        arm = np.broadcast_to(vehicle.sensors["gps"].position, rate.shape)
+        round_it = np.einsum("nij,nj->ni", r, np.cross(rate, arm))
+    else:
+        round_it = np.zeros_like(rate)
+    antenna = motion.velocity + round_it
+    acceleration = acceleration + np.gradient(round_it, motion.t, axis=0)
+    # of what stands still, seen from a body that turns: db/dt = -w x b - R^T v
     field = -np.cross(rate, field_seen(flight))
     away = np.einsum("nji,nj->ni", r, -motion.position)
     pad = (-np.cross(rate, away) - np.einsum("nji,nj->ni", r, motion.velocity)) @ DOWN
     # clockwise seen from above: the mark's angle grows as the nose turns left
     turning = np.einsum("nij,nj->ni", r, rate)[:, 2]
     return {
-        **{k.GPS + i: motion.velocity[:, i] for i in range(3)},
+        **{k.GPS + i: antenna[:, i] for i in range(3)},
         **{k.GPS_V + i: acceleration[:, i] for i in range(3)},
         k.BARO: motion.velocity[:, 2],
         k.SONAR: motion.velocity[:, 2],
@@ -81,6 +88,13 @@ def slopes(flight: Flight, vehicle: Vehicle) -> dict[int, Floats]:
         **{k.PAD + i: pad[:, i] for i in range(3)},
         k.PAD_ANGLE: turning,
     }
+
+
+def _at_ends(means: Floats) -> Floats:
+    """Of nodes' means (N, ...) what holds at their ends."""
+    found = means.copy()
+    found[:-1] = 0.5 * (found[:-1] + found[1:])
+    return found
 
 
 TOPICS = {
@@ -93,9 +107,15 @@ TOPICS = {
 
 
 def late(flight: Flight, vehicle: Vehicle, topic: str) -> Floats:
-    """(M,) what a topic shows if it is one second later than its stamp says, to first order."""
-    found = slopes(flight, vehicle)
-    return scalars(flight, *((kind, -found[kind]) for kind in TOPICS[topic]))
+    """(M,) what a topic shows if it is one second later than its stamp says.
+
+    To first order; where nothing is known of it yet, the mean over as much as it is usually late, since what moves
+    meanwhile and comes back does not show in a slope.
+    """
+    far = 0.0 if topic in flight.late else USUAL.get(topic, 0.0)
+    found, span = slopes(flight, vehicle), 1 + round(far / flight.motion.step)
+    backward = {kind: uniform_filter1d(found[kind], span, origin=(span - 1) // 2) for kind in TOPICS[topic]}
+    return scalars(flight, *((kind, -slope) for kind, slope in backward.items()))
 
 
 def others_early(flight: Flight, vehicle: Vehicle) -> Change:
@@ -104,6 +124,4 @@ def others_early(flight: Flight, vehicle: Vehicle) -> Change:
     Commands, which act later by that clock, are added where the model's answer is known (`evidence`); the tachometer,
     whose speed drives the model too, is left out.
     """
-    seen = set(np.unique(flight.motion.kinds).tolist())
-    topics = [topic for topic, kinds in TOPICS.items() if seen & set(kinds)]
-    return Change(-sum((late(flight, vehicle, topic) for topic in topics), np.zeros(len(flight.motion.kinds))))
+    return Change(scalars(flight, *slopes(flight, vehicle).items()))

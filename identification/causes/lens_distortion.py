@@ -2,26 +2,23 @@
 
 Brown and Conrady's first radial coefficient: a point at r from the axis (tangent) is moved outward by k1 r^2 of r. A
 mark seen aside is moved along its ray and larger by 1 + 2 k1 r^2 in the mean; what a front end that weighs every
-pixel of edge makes of it is `sim.sensors.pad_camera.by_lens`. The mark's outline is in no log: an H of 1 m.
+pixel of edge makes of it is `sim.sensors.pad_camera.by_lens`.
 """
 
 import numpy as np
 
-from flightlog.marks import HMark
 from identification import kinematics as k
 from identification.causes.contract import Cause, Change, Parameter
 from identification.flight import Flight
+from identification.lens import bend
 from identification.views import rotations
-from sim.sensors.pad_camera import by_lens
 from sim.vehicle import Vehicle
 
 
 def changes(flight: Flight, vehicle: Vehicle) -> list[Change]:
     """By where in the picture the mark is."""
-    motion, camera = flight.motion, vehicle.cameras["down"]
-    moved = by_lens(
-        motion.position, rotations(flight), camera.model, camera.mount, HMark(), vehicle.sensors["pad"].numbers
-    )
+    motion = flight.motion
+    moved = bend(motion.position, rotations(flight), vehicle).moved
     scalars = np.zeros(len(motion.kinds))
     for axis in range(4):
         at = motion.kinds == k.PAD + axis

@@ -94,7 +94,9 @@ def test_errors_of_sensors_count_from_those_that_were_taken_out(late: Helicopter
 
 def test_flights_are_filtered_anew_for_errors_that_were_not_taken_out_yet(late: HelicopterBench) -> None:
     latency, mass = CATALOGUE["camera_latency"], CATALOGUE["mass"]
-    assert late.anew([latency], {"cameras.down.stamp_delay": 0.06}) is None
+    assert late.anew([latency], {"cameras.down.stamp_delay": 0.053}) is None
+    further = late.anew([latency], {"cameras.down.stamp_delay": 0.06})
+    assert further is not None and further.prepared_at == {"cameras.down.stamp_delay": pytest.approx(0.06)}
     back = late.anew([mass], {"mass": 5.2})
     assert back is not None and back.anew([latency], {"cameras.down.stamp_delay": 9.0}) is None
     assert back is not None and back.prepared_at == {} and back.anew([mass], {"mass": 5.2}) is None
