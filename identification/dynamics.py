@@ -35,7 +35,7 @@ _counts = types.Array(types.int64, 1, "C")
 @numba.njit(
     types.void(
         ADDRESSES, _spans, types.Array(_signals, 1, "C"),
-        types.Array(_geometry, 1, "C"), _vector, _vector, types.int64, _counts, _table, _vector, _vector, _vector,
+        types.Array(_geometry, 1, "C"), _vector, _vector, types.int64, _counts, _table, _vector, _table, _vector,
         _vector, _table,
     ),
     cache=True,
@@ -45,7 +45,8 @@ def along(kernels, spans, signals, geometry, x, p, held, edges, ticks, wind, puf
     """Run the model along a grid.
 
     held: number of the state that is the rotor's speed, kept at what was measured (< 0: none). edges (N + 1,), ticks
-    (T, 27): see `grid`. wind (3,) at 10 m, ENU, with the usual profile over the height; puff (3,) the same everywhere.
+    (T, 27): see `grid`. wind (3,) at 10 m, ENU, with the usual profile over the height; puff (N, 3) of each node, at
+    every height.
     inertia (3,); arm (3,) of the inertial sensor. out (N, 7): mean specific force at the inertial sensor, change of
     the node's mean rate and rotor speed against the node before, a second.
     """
@@ -64,9 +65,9 @@ def along(kernels, spans, signals, geometry, x, p, held, edges, ticks, wind, puf
         for i in range(edges[n], edges[n + 1]):
             row = ticks[i]
             dt = row[0]
-            ax = row[1] - row[15] * wind[0] - puff[0]
-            ay = row[2] - row[15] * wind[1] - puff[1]
-            az = row[3] - row[15] * wind[2] - puff[2]
+            ax = row[1] - row[15] * wind[0] - puff[n, 0]
+            ay = row[2] - row[15] * wind[1] - puff[n, 1]
+            az = row[3] - row[15] * wind[2] - puff[n, 2]
             for axis in range(3):
                 s.velocity[axis] = row[4 + axis] * ax + row[7 + axis] * ay + row[10 + axis] * az
                 s.rates[axis] = row[16 + axis]
@@ -109,29 +110,41 @@ def along(kernels, spans, signals, geometry, x, p, held, edges, ticks, wind, puf
 
 
 @numba.njit(cache=True, nogil=True)
-def innovations(model, measured, gust, step, keep, gust_std, process, noise, gains, spreads, out):
+def innovations(
+    model, measured, gust, sooner, follow, fresh, step, keep, gust_std, process, noise, gains, spreads, out,
+):
     """Take out what gusts explain; returns twice the negative log-likelihood.
 
     In and out:
 
         model (N, 7): see `along`. measured (N, 7): mean force, rate and rotor speed of the node; NaN: none.
-        gust (N, 7, 3): change of the model's answer by a gust [1/s or 1/(m s)], world axes.
+        gust (N, 7, 3): change of the model's answer by a lasting gust [1/s or 1/(m s)], world axes.
+        sooner (N, 3): what an upward gust changes the force by beyond that until the rotor's inflow has followed.
+        follow (4, 2), fresh (4, 4): over a node, how (gust, what the inflow has followed) at its end and in its mean
+            come from those before, and the covariance of what is new in a gust whose steps have variance one.
         step [s]; keep (N, 3): factor of the gust a node. gust_std (N, 3) [m/s]. process (7,), noise (7,): standard
             deviations of what the model leaves open (of rates and rotor speed a node) and of the measurement.
-        gains (N, 7, 7), spreads (N, 7), out (N, 7): written; out: innovations in units of the measurement. A spread
+        gains (N, 7, 10), spreads (N, 7), out (N, 7): written; out: innovations in units of the measurement. A spread
             of inf: nothing measured; of RESTART: a reading from which the count begins.
 
     Where no force is measured (on the ground), rates and rotor speed are followed anew from the next reading on.
     """
-    x = np.zeros(7)
-    cov = np.zeros((7, 7))
+    x = np.zeros(10)  # gust (3), rate (3), rotor speed; upwards: followed by the inflow, mean gust and mean followed
+    cov = np.zeros((10, 10))
     for i in range(3):
         cov[i, i] = gust_std[0, i] ** 2
         cov[3 + i, 3 + i] = 1.0
     cov[6, 6] = 100.0
+    up = np.array([2, 7, 8, 9])
+    for i in up:
+        for j in up:
+            cov[i, j] = gust_std[0, 2] ** 2
     begun = np.zeros(4)
-    f = np.eye(7)
-    row = np.empty(7)
+    f = np.eye(10)
+    for i in range(1, 4):
+        f[up[i], up[i]] = 0.0
+        f[up[i], 2], f[up[i], 7] = follow[i, 0], follow[i, 1]
+    row = np.empty(10)
     total = 0.0
     for n in range(len(model)):
         if not np.isfinite(measured[n, 0]):
@@ -154,12 +167,21 @@ def innovations(model, measured, gust, step, keep, gust_std, process, noise, gai
                 cov[i, 3 + a] += turn * q
                 for b in range(4):
                     cov[3 + a, 3 + b] += turn * step * gust[n, 3 + b, i] * q
+        q = (1.0 - keep[n, 2] ** 2) * gust_std[n, 2] ** 2
+        for i in range(4):
+            for j in range(4):
+                if i > 0 or j > 0:
+                    cov[up[i], up[j]] += fresh[i, j] * q
+        for a in range(4):
+            for j in range(1, 4):
+                cov[3 + a, up[j]] += step * gust[n, 3 + a, 2] * fresh[0, j] * q
+                cov[up[j], 3 + a] = cov[3 + a, up[j]]
         for i in range(4):
             cov[3 + i, 3 + i] += process[3 + i] ** 2
         for k in range(7):
             spreads[n, k] = np.inf
             out[n, k] = 0.0
-            for i in range(7):
+            for i in range(10):
                 gains[n, k, i] = 0.0
             if not np.isfinite(measured[n, k]):
                 continue
@@ -173,8 +195,8 @@ def innovations(model, measured, gust, step, keep, gust_std, process, noise, gai
                 continue
             row[:] = 0.0
             if k < 3:
-                for j in range(3):
-                    row[j] = gust[n, k, j]
+                row[0], row[1] = gust[n, k, 0], gust[n, k, 1]
+                row[8], row[9] = gust[n, k, 2] + sooner[n, k], -sooner[n, k]
             else:
                 row[k] = 1.0
             value = row @ x
@@ -186,11 +208,11 @@ def innovations(model, measured, gust, step, keep, gust_std, process, noise, gai
             spreads[n, k] = np.sqrt(s2)
             out[n, k] = nu
             total += nu * nu / s2 + np.log(s2)
-            for i in range(7):
+            for i in range(10):
                 gains[n, k, i] = ph[i] / s2
                 x[i] += ph[i] / s2 * nu
-            for i in range(7):
-                for j in range(7):
+            for i in range(10):
+                for j in range(10):
                     cov[i, j] -= ph[i] * ph[j] / s2
     return total
 
@@ -201,7 +223,8 @@ def answer(
 ) -> Floats:  # fmt: skip
     """The model's answer (N, 7) along a grid with these `parameters`; the pipeline itself is not touched.
 
-    geometry (1,) GEOMETRY; inertia (3,) [kg m^2]; arm (3,) [m] of the inertial sensor; wind, puff (3,): see `along`.
+    geometry (1,) GEOMETRY; inertia (3,) [kg m^2]; arm (3,) [m] of the inertial sensor; wind (3,): see `along`; puff
+    (3,) or (N, 3).
     """
     first = grid.table[0]
     state = pipeline.state.copy()
@@ -224,6 +247,7 @@ def answer(
             state[index] = pipeline.state[index]
     s["time"] = 0.0
     out = np.empty((len(grid.edges) - 1, 7))
+    puff = np.zeros((len(out), 3)) + puff
     along(
         pipeline.kernels, pipeline.spans, signals, geometry, state, parameters, held, grid.edges, grid.table, wind,
         puff, inertia, arm, out,

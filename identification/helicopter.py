@@ -34,7 +34,7 @@ START = Noise(
 ROUGH = ("actuator_deadband",)  # causes of which a slope says little
 # times the noise of force, moment and rotor speed while everything is set free: what is linear about the nominal
 # numbers says little of the true ones, least of all by moments, which show a hundredth of what tolerances leave open
-DIM = ((4.0, 100.0, 20.0), (4.0, 30.0, 8.0), (3.0, 15.0, 4.0))
+DIM = ((4.0, 100.0, 20.0), (4.0, 30.0, 8.0), (1.0,5.0,4.0))
 STEPS = 4  # tries at each
 SETTLED_BY = 0.1  # of a sensor's error, by which it may still change before flights are filtered anew for it
 MOVED = 0.5  # of a tolerance, beyond which a slope is taken anew

@@ -92,7 +92,8 @@ class Model:
     ) -> Floats:
         """The model's answer (N, 7) along a flight, with some numbers changed [SI].
 
-        wind (3,) [m/s] ENU at 10 m with its profile; puff (3,) the same at every height; coarse: in long steps, for
+        wind (3,) [m/s] ENU at 10 m with its profile; puff (3,) or of each node (N, 3), the same at every
+        height; coarse: in long steps, for
         derivatives.
         """
         pipeline, inertia, arm = self._pipeline, self.vehicle.inertia.copy(), drive.arm.copy()

@@ -62,19 +62,23 @@ def sensor_signatures(way, rows, gains, answers, first, step, decay, dz, df, dw,
 
 
 @numba.njit(cache=True, nogil=True)
-def drive_signatures(gust, gains, spreads, step, keep, model, measured):
+def drive_signatures(gust, sooner, follow, gains, spreads, step, keep, model, measured):
     """Whitened change of the innovations (N, 7, C) of `dynamics.innovations` by changed model or measurement.
 
-    gust (N, 7, 3): what a gust does to the model's force, angular and rotor acceleration. gains (N, 7, 7) of each
-    scalar, spreads (N, 7) standard deviations of the innovations (inf: not used, negative: the count begins there).
+    gust (N, 7, 3), sooner (N, 3), follow: what a gust does to the model's force, angular and rotor acceleration, and
+    how soon, see there. gains (N, 7, 10) of each scalar, spreads (N, 7) standard deviations of the innovations (inf:
+    not used, negative: the count begins there).
     keep (N, 3): factor of the gust a node.
     model (N, 7, C): change of the model's answer. measured (N, 7, C): change of force, rate and rotor speed measured.
     """
     nodes, _, columns = model.shape
     out = np.zeros((nodes, 7, columns))
-    x = np.zeros((7, columns))  # gust (3), rate (3), rotor speed
+    x = np.zeros((10, columns))  # as there
     for n in range(nodes):
         for c in range(columns):
+            up, followed = x[2, c], x[7, c]
+            for i in range(1, 4):
+                x[6 + i, c] = follow[i, 0] * up + follow[i, 1] * followed
             for i in range(3):
                 x[i, c] *= keep[n, i]
             for i in range(4):
@@ -92,11 +96,11 @@ def drive_signatures(gust, gains, spreads, step, keep, model, measured):
                 change = measured[n, k, c]
                 if k < 3:
                     change -= model[n, k, c]
-                    for j in range(3):
-                        change -= gust[n, k, j] * x[j, c]
+                    change -= gust[n, k, 0] * x[0, c] + gust[n, k, 1] * x[1, c] + gust[n, k, 2] * x[8, c]
+                    change -= sooner[n, k] * (x[8, c] - x[9, c])
                 else:
                     change -= x[k, c]
                 out[n, k, c] = change / spreads[n, k]
-                for i in range(7):
+                for i in range(10):
                     x[i, c] += gains[n, k, i] * change
     return out

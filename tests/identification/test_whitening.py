@@ -1,5 +1,6 @@
 """What is linear about the filters: signatures against the filters run again, tick means, and the shake taken out."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 from unittest import mock
@@ -16,6 +17,7 @@ from identification.dynamics import innovations
 from identification.evidence import Sheet
 from identification.flight import prepare
 from identification.grid import smooth
+from identification.gusts import followed
 from identification.model import Model
 from identification.stack import Rows, stack
 from identification.vibration import calm
@@ -31,15 +33,22 @@ STEP = 0.04
 
 KEEP = np.tile([0.99, 0.985, 0.95], (NODES, 1))
 GUSTS = np.tile([0.3, 0.4, 0.5], (NODES, 1))
+SOONER = np.tile([0.1, -0.2, 0.9], (NODES, 1))
+INFLOW = followed(0.3)
 
 
 def _filter(answer: Floats, measured: Floats, gust: Floats, noise: Noise) -> tuple[Floats, Floats, Floats]:
-    gains, spreads, out = np.zeros((NODES, 7, 7)), np.zeros((NODES, 7)), np.zeros((NODES, 7))
+    gains, spreads, out = np.zeros((NODES, 7, 10)), np.zeros((NODES, 7)), np.zeros((NODES, 7))
     innovations(
-        answer, measured, gust, STEP, KEEP, GUSTS, np.array(noise.process),
+        answer, measured, gust, SOONER, *INFLOW, STEP, KEEP, GUSTS, np.array(noise.process),
         np.array(noise.noise), gains, spreads, out,
     )  # fmt: skip
     return gains, spreads, out / spreads
+
+
+def _signatures(gust: Floats, gains: Floats, spreads: Floats, model: Floats, measured: Floats) -> Floats:
+    changes = model[:, :, None], measured[:, :, None]
+    return np.asarray(drive_signatures(gust, SOONER, INFLOW[0], gains, spreads, STEP, KEEP, *changes))
 
 
 def test_the_signature_of_a_changed_model_is_what_the_filter_makes_of_it() -> None:
@@ -50,7 +59,7 @@ def test_the_signature_of_a_changed_model_is_what_the_filter_makes_of_it() -> No
     gains, spreads, before = _filter(answer, measured, gust, noise)
     change = rng.normal(size=(NODES, 7))
     _, _, after = _filter(answer + change, measured, gust, noise)
-    found = drive_signatures(gust, gains, spreads, STEP, KEEP, change[:, :, None], np.zeros((NODES, 7, 1)))
+    found = _signatures(gust, gains, spreads, change, np.zeros((NODES, 7)))
     assert np.allclose(found[:, :, 0], after - before, atol=1e-9)
 
 
@@ -63,7 +72,7 @@ def test_after_nodes_on_the_ground_the_count_begins_anew_for_filter_and_signatur
     gains, spreads, before = _filter(answer, measured, gust, noise)
     change, lasting = rng.normal(size=(NODES, 7)), np.zeros((NODES, 7))
     _, _, after = _filter(answer + change, measured, gust, noise)
-    found = drive_signatures(gust, gains, spreads, STEP, KEEP, change[:, :, None], np.zeros((NODES, 7, 1)))
+    found = _signatures(gust, gains, spreads, change, np.zeros((NODES, 7)))
     assert np.allclose(found[:, :, 0], after - before, atol=1e-9)
     lasting[36:, 3:] = 5.0  # what rates and rotor speed have become on the ground is no innovation
     _, _, later = _filter(answer, measured + lasting, gust, noise)
@@ -79,7 +88,7 @@ def test_the_signature_of_a_changed_measurement_is_what_the_filter_makes_of_it()
     change = rng.normal(size=(NODES, 7))
     change[0, 3:] = 0.0  # a first reading is where the count begins
     _, _, after = _filter(answer, measured + change, gust, noise)
-    found = drive_signatures(gust, gains, spreads, STEP, KEEP, np.zeros((NODES, 7, 1)), change[:, :, None])
+    found = _signatures(gust, gains, spreads, np.zeros((NODES, 7)), change)
     assert np.allclose(found[:, :, 0], after - before, atol=1e-9)
 
 
@@ -267,31 +276,46 @@ def test_taking_out_gusts_is_the_likelihood_with_all_gusts_integrated_over() -> 
     keep, sigma = np.full((nodes, 3), 0.987), GUSTS[:nodes]
     model, measured = rng.normal(size=(2, nodes, 7))
     gust = rng.normal(size=(nodes, 7, 3))
-    gains, spreads, out = np.zeros((nodes, 7, 7)), np.zeros((nodes, 7)), np.zeros((nodes, 7))
-    found = innovations(model, measured, gust, STEP, keep, sigma, np.array(noise.process), np.array(noise.noise),
-                        gains, spreads, out)  # fmt: skip
-    # unknowns in order: gusts (nodes, 3), steps of rates and rotor speed (nodes - 1, 4), error of their first reading
+    gains, spreads, out = np.zeros((nodes, 7, 10)), np.zeros((nodes, 7)), np.zeros((nodes, 7))
+    found = innovations(model, measured, gust, SOONER[:nodes], *INFLOW, STEP, keep, sigma, np.array(noise.process),
+                        np.array(noise.noise), gains, spreads, out)  # fmt: skip
+    # unknowns in order: gusts from aside (nodes, 2); the upward one before the first node and what is new at each,
+    # (nodes, 4): gust, followed by the inflow, means of both; steps of rates and rotor speed (nodes - 1, 4); error of
+    # their first reading
     far = np.abs(np.arange(nodes)[:, None] - np.arange(nodes))
-    blocks = [np.kron(keep[0, 0] ** far, np.diag(sigma[0] ** 2)),
-              np.kron(np.eye(nodes - 1), np.diag(np.square(noise.process[3:]))),
+    follow, fresh = INFLOW
+    new = (1.0 - keep[0, 2] ** 2) * sigma[0, 2] ** 2 * fresh
+    blocks = [np.kron(keep[0, 0] ** far, np.diag(sigma[0, :2] ** 2)), [[sigma[0, 2] ** 2]],
+              np.kron(np.eye(nodes), new), np.kron(np.eye(nodes - 1), np.diag(np.square(noise.process[3:]))),
               np.diag(np.square(noise.noise[3:]))]  # fmt: skip
     prior = block_diag(*blocks)
+    onward = np.column_stack([follow, np.zeros((4, 2))])
+    onward[0, 0] = keep[0, 2]
+    up = np.zeros((nodes, 4, len(prior)))  # gust, followed, means of both, by the unknowns
+    first, steps = 2 * nodes, 6 * nodes + 1
+    before = np.zeros((4, len(prior)))
+    before[:, first] = 1.0
+    for n in range(nodes):
+        up[n] = onward @ before
+        up[n][:, first + 1 + 4 * n : first + 5 + 4 * n] = np.eye(4)
+        before = up[n]
     rows: list[Floats] = []
     left: list[float] = []
     levels: list[float] = []
     for n in range(nodes):
         for k in range(3):
-            row = np.zeros(len(prior))
-            row[3 * n : 3 * n + 3] = gust[n, k]
+            row = (gust[n, k, 2] + SOONER[n, k]) * up[n, 2] - SOONER[n, k] * up[n, 3]
+            row[2 * n : 2 * n + 2] = gust[n, k, :2]
             rows, left, levels = [*rows, row], [*left, measured[n, k] - model[n, k]], [*levels, noise.noise[k]]
         for k in range(3, 7):
             if n == 0:
                 continue
             row = np.zeros(len(prior))
             for m in range(1, n + 1):
-                row[3 * m : 3 * m + 3] = STEP * gust[m, k]
-                row[3 * nodes + 4 * (m - 1) + k - 3] = 1.0
-            row[3 * nodes + 4 * (nodes - 1) + k - 3] = 1.0
+                row[2 * m : 2 * m + 2] = STEP * gust[m, k, :2]
+                row += STEP * gust[m, k, 2] * up[m, 0]
+                row[steps + 4 * (m - 1) + k - 3] = 1.0
+            row[steps + 4 * (nodes - 1) + k - 3] = 1.0
             grown = measured[0, k] + STEP * model[1 : n + 1, k].sum()
             rows, left, levels = [*rows, row], [*left, measured[n, k] - grown], [*levels, noise.noise[k]]
     h, r = np.array(rows), np.array(left)
@@ -319,3 +343,27 @@ def test_locals_are_eliminated_as_a_dense_solve_has_it() -> None:
     assert np.allclose(found.score, score)
     assert found.square == pytest.approx(square)
     assert found.log_local == pytest.approx(logs)
+
+
+def test_a_gust_that_walks_at_random_has_ends_and_means_as_closed_form_says() -> None:
+    """Means of a Wiener process over a node: variance 1/3 and covariance 1/2 with its step; a lag follows it."""
+    left = 0.3
+    follow, fresh = followed(left)
+    np.testing.assert_allclose(follow[:, 0], [1.0, 1.0 - left, 1.0, 1.0 - (1.0 - left) / -math.log(left)], rtol=1e-9)
+    np.testing.assert_allclose(follow.sum(axis=1), 1.0, rtol=1e-9)  # what stays as it is, stays
+    assert fresh[0, 0] == pytest.approx(1.0)
+    assert fresh[0, 2] == pytest.approx(0.5)
+    assert fresh[2, 2] == pytest.approx(1.0 / 3.0)
+    assert fresh[1, 3] == pytest.approx(0.5 * _walked(left), rel=2e-2)
+    np.testing.assert_allclose(fresh, fresh.T, atol=1e-12)
+
+
+def _walked(left: float) -> float:
+    """(E m_l l)/0.5 by many small steps, l following a Wiener process of unit variance over the node."""
+    steps, rate = 400, -math.log(left)
+    h = 1.0 / steps
+    # l as a sum over the steps' increments, its mean the same
+    weight = np.array([1.0 - math.exp(-rate * (1.0 - (i + 0.5) * h)) for i in range(steps)])
+    mean = np.array([(1.0 - (i + 0.5) * h) - (1.0 - math.exp(-rate * (1.0 - (i + 0.5) * h))) / rate
+                     for i in range(steps)])  # fmt: skip
+    return float(2.0 * h * np.sum(weight * mean))
