@@ -41,7 +41,7 @@ def _filter(answer: Floats, measured: Floats, gust: Floats, noise: Noise) -> tup
     gains, spreads, out = np.zeros((NODES, 7, 10)), np.zeros((NODES, 7)), np.zeros((NODES, 7))
     innovations(
         answer, measured, gust, SOONER, *INFLOW, STEP, KEEP, GUSTS, np.array(noise.process),
-        np.array(noise.noise), gains, spreads, out,
+        np.array(noise.noise), gains, spreads, out, np.zeros((NODES, 2)),
     )  # fmt: skip
     return gains, spreads, out / spreads
 
@@ -267,6 +267,39 @@ def test_the_signature_of_a_force_that_a_sensor_adds_is_what_the_innovations_gai
     assert near(size * sheet.columns[f"local.force_{axis}"], change, 1e-6)
 
 
+def test_a_single_puff_from_below_is_what_slopes_and_inflow_say(sheet: Sheet) -> None:
+    """Two thirds of a second of one node's puff, by the model itself, where nobody looked when slopes were taken."""
+    size, at, nodes = 0.3, 101, len(sheet.flight.motion.t)
+    puff = np.zeros((nodes, 3))
+    puff[at, 2] = size
+    drive, gust = sheet.flight.drive, sheet.gust
+    right = sheet.model.answer(drive, sheet.wind, {}, puff) - sheet.model.answer(drive, sheet.wind, {}, -puff)
+    left = float(gust.follow[1, 1])
+    follows = np.array([0.0, *(1.0 - left) * left ** np.arange(10)])  # of one node's gust, in the nodes after it
+    mean = (1.0 - left) / -math.log(left)
+    found = 2.0 * size * gust.sooner[at, 2] * mean * np.array([1.0, *(-follows[1:])])
+    found[0] += 2.0 * size * gust.slopes[at, 2, 2]
+    assert found[0] > 1.3 * 2.0 * size * gust.slopes[at, 2, 2]  # a gust that stays does much less
+    assert near(found, right[at : at + 11, 2], 0.05)
+
+
+def test_gusts_in_which_the_answer_is_taken_are_not_counted_twice(sheet: Sheet) -> None:
+    t, before = sheet.flight.motion.t, sheet.driven({}).residual
+    air = np.column_stack([0.5 * np.sin(0.8 * t), 0.4 * np.cos(0.5 * t)])
+    try:
+        sheet.meet(air)
+        sheet.linearise()
+        sheet.whiten(sheet.noise)
+        after = sheet.driven({})
+        twice = judge(after.flight, after.wind, after.answer, replace(after.gust, about=0.0 * air), sheet.noise)
+    finally:
+        sheet.meet(np.zeros_like(air))
+        sheet.linearise()
+        sheet.whiten(sheet.noise)
+    np.testing.assert_allclose(sheet.driven({}).residual, before, atol=1e-9)
+    assert np.linalg.norm(after.residual - before) < 0.2 * np.linalg.norm(twice.residual - before)
+
+
 # --- gusts and locals taken out, against dense algebra ----------------------------------------------------------------
 
 
@@ -278,7 +311,7 @@ def test_taking_out_gusts_is_the_likelihood_with_all_gusts_integrated_over() -> 
     gust = rng.normal(size=(nodes, 7, 3))
     gains, spreads, out = np.zeros((nodes, 7, 10)), np.zeros((nodes, 7)), np.zeros((nodes, 7))
     found = innovations(model, measured, gust, SOONER[:nodes], *INFLOW, STEP, keep, sigma, np.array(noise.process),
-                        np.array(noise.noise), gains, spreads, out)  # fmt: skip
+                        np.array(noise.noise), gains, spreads, out, np.zeros((nodes, 2)))  # fmt: skip
     # unknowns in order: gusts from aside (nodes, 2); the upward one before the first node and what is new at each,
     # (nodes, 4): gust, followed by the inflow, means of both; steps of rates and rotor speed (nodes - 1, 4); error of
     # their first reading
