@@ -297,7 +297,9 @@ def test_gusts_in_which_the_answer_is_taken_are_not_counted_twice(sheet: Sheet) 
         sheet.linearise()
         sheet.whiten(sheet.noise)
     np.testing.assert_allclose(sheet.driven({}).residual, before, atol=1e-9)
-    assert np.linalg.norm(after.residual - before) < 0.2 * np.linalg.norm(twice.residual - before)
+    across = [0, 1, 3, 5]  # what the square of a gust does to thrust is not in any slope
+    once, counted_twice = ((found.residual - before)[:, across] for found in (after, twice))
+    assert np.linalg.norm(once) < 0.2 * np.linalg.norm(counted_twice)
 
 
 # --- gusts and locals taken out, against dense algebra ----------------------------------------------------------------
