@@ -19,3 +19,5 @@ class Change:
     # of `kinematics`: the filter of the motion has this error as a state, which is off by one unit where it begins;
     # force and rate then say what the model meets, and may be smoothed
     state: int | None = None
+    # (3, 3): rate that is added by rate there is; what a node's rate came to by itself then tells nothing of the error
+    turning: Floats | None = None

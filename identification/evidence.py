@@ -163,6 +163,8 @@ class Sheet:
         own = (std for _, _, std in (*known, *stand_off))
         self.local_std: Floats = np.array([self.spread, self.spread, SHEAR_STD, *own])
         self._measured = {key: np.zeros((nodes, 7)) for key in changes}
+        every = (*changes.items(), *((key, change) for key, change, _ in stand_off))
+        self._turning = {key: change.turning for key, change in every if change.turning is not None}
         self._rates = {key: change.rate for key, change in changes.items() if change.rate is not None}
         dz = np.zeros((scalars, len(changes)))
         df, dw = np.zeros((nodes, 3, len(changes))), np.zeros((nodes, 3, len(changes)))
@@ -262,9 +264,27 @@ class Sheet:
         """Whiten everything under these noise levels."""
         self.noise = noise
         self._driven = self.driven(self.at)
-        self.columns = self._columns(self.slopes | self.by_wind, self._measured)
+        self.columns = self._columns(self.slopes | self.by_wind, self._expected())
         self._lay()
         self._kept = self.at, self.slopes, self.by_wind, self.columns, self._laid
+
+    def surprise(self) -> Floats:
+        """(N, 3) [rad/s] by how much each node's rate was another than expected."""
+        spreads = self._driven.spreads[:, 3:6]
+        used = np.isfinite(spreads) & (spreads > 0.0)
+        return np.where(used, self._driven.residual[:, 3:6] * np.where(used, spreads, 0.0), 0.0)
+
+    def _expected(self) -> dict[str, Floats]:
+        """What sensors' errors add to force, rate and rotor speed, by rates as they were expected.
+
+        A scale is not to be told by how well it shrinks what nobody expected: r = e + s (w + e) has its least square
+        where s is negative, whatever the scale.
+        """
+        found, surprise = dict(self._measured), self.surprise()
+        for key, turning in self._turning.items():
+            found[key] = found[key].copy()
+            found[key][:, 3:6] -= surprise @ turning.T
+        return found
 
     def start_over(self) -> None:
         """Go back to the slopes of the last whitening, so that no fit depends on those before it."""

@@ -14,7 +14,10 @@ def changes(flight: Flight, vehicle: Vehicle) -> list[Change]:
     force, rate = felt(flight)
     unit = np.eye(3)
     return [
-        Change(force=-np.cross(unit[axis], force), rate=-np.cross(unit[axis], rate), state=k.CASE + axis)
+        Change(
+            force=-np.cross(unit[axis], force), rate=-np.cross(unit[axis], rate), state=k.CASE + axis,
+            turning=-np.cross(unit[axis], unit).T,
+        )
         for axis in range(3)
     ]
 

@@ -16,7 +16,11 @@ def changes(flight: Flight, vehicle: Vehicle) -> list[Change]:
     for axis in range(6):
         column = np.zeros((len(flight.motion.t), 3))
         column[:, axis % 3] = true[:, axis]
-        found.append(Change(force=column) if axis < 3 else Change(rate=column, state=k.RATE_SCALE + axis - 3))
+        if axis < 3:
+            found.append(Change(force=column))
+        else:
+            along = np.diag(np.eye(3)[axis - 3])
+            found.append(Change(rate=column, state=k.RATE_SCALE + axis - 3, turning=along))
     return found
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flightlog.rotations import angles
 from identification.evidence import Sheet
-from identification.grid import CONTROLS, RATES, ROTOR, SHARE
+from identification.grid import CONTROLS, ROTOR, SHARE
 from identification.views import rotations
 
 Floats = NDArray[np.float64]
@@ -38,6 +38,7 @@ def drivers(sheet: Sheet) -> Mapping[str, Driver]:
     before = np.maximum(np.arange(len(motion.t)) - 1, 0)  # the node before this one
     air = motion.velocity[before] - table[:, SHARE : SHARE + 1] * sheet.wind
     body = np.einsum("nji,nj->ni", rotations(flight)[before], air)
+    rates = motion.way[:, 12:15] - sheet.surprise()
     tilt = np.array([angles(q) for q in motion.attitude])[before]
     found = {
         "height": Driver("m", motion.position[before, 2], NEAR),
@@ -48,9 +49,9 @@ def drivers(sheet: Sheet) -> Mapping[str, Driver]:
         "roll": Driver("rad", tilt[:, 0]),
         "pitch": Driver("rad", tilt[:, 1]),
         "heading": Driver("rad", tilt[:, 2]),
-        "roll_rate": Driver("rad/s", table[:, RATES]),
-        "pitch_rate": Driver("rad/s", table[:, RATES + 1]),
-        "yaw_rate": Driver("rad/s", table[:, RATES + 2]),
+        "roll_rate": Driver("rad/s", rates[:, 0]),
+        "pitch_rate": Driver("rad/s", rates[:, 1]),
+        "yaw_rate": Driver("rad/s", rates[:, 2]),
         "rotor_speed": Driver("rad/s", table[:, ROTOR]),
         "time": Driver("s", motion.t - motion.t[0]),
     }

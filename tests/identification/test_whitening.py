@@ -267,6 +267,24 @@ def test_the_signature_of_a_force_that_a_sensor_adds_is_what_the_innovations_gai
     assert near(size * sheet.columns[f"local.force_{axis}"], change, 1e-6)
 
 
+def test_a_scale_is_not_told_by_how_well_it_shrinks_noise(sheet: Sheet) -> None:
+    """A rate that is pushed at random shrinks with its scale; that is no evidence of one."""
+    flight = sheet.flight
+    noise = np.cumsum(np.random.default_rng(6).normal(0.0, Noise().process[5], len(flight.motion.t)))
+    measured, way = flight.measured.copy(), flight.motion.way.copy()
+    measured[:, 5] += noise
+    way[:, 14] += noise
+    shaken = replace(flight, measured=measured, motion=replace(flight.motion, way=way))
+    found = Sheet(sheet.model, shaken, [CATALOGUE["imu_scale"]], list(KNOBS))
+    found.linearise()
+    found.whiten(Noise())
+    at = found.channel == 105
+    column, left = found.columns["sensors.imu.scale_wz"][at], found.residual({})[at]
+    assert abs(column @ left) / (column @ column) < 0.1
+    as_measured = found._columns({}, found._measured)["sensors.imu.scale_wz"][at]
+    assert abs(as_measured @ left) / (as_measured @ as_measured) > 0.5
+
+
 def test_a_single_puff_from_below_is_what_slopes_and_inflow_say(sheet: Sheet) -> None:
     """Two thirds of a second of one node's puff, by the model itself, where nobody looked when slopes were taken."""
     size, at, nodes = 0.3, 101, len(sheet.flight.motion.t)
