@@ -40,7 +40,6 @@ class Driven:
     gains: Floats  # (N, 7, 10)
     spreads: Floats  # (N, 7)
     residual: Floats  # (N, 7) innovations over their standard deviation
-    air: Floats  # (N, 2) [m/s] gust towards east and north, as known at each node
     cost: float  # twice the negative log-likelihood
 
     def whiten(self, model: Floats, measured: Floats | None = None) -> Floats:
@@ -75,14 +74,12 @@ def gust_slopes(model: Model, flight: Flight, wind: Floats, changes: Mapping[str
 
 
 def judge(flight: Flight, wind: Floats, answer: Floats, gust: Gusts, noise: Noise) -> Driven:
-    """Innovations of an answer (N, 7), which is that in the gusts about which their slopes were taken."""
+    """Innovations of an answer (N, 7)."""
     nodes = len(answer)
     gains, spreads, out = np.zeros((nodes, 7, 10)), np.zeros((nodes, 7)), np.zeros((nodes, 7))
-    still = answer - np.einsum("nki,ni->nk", gust.slopes[:, :, :2], gust.about)
-    air = np.zeros((nodes, 2))
     step = flight.motion.step
     cost = innovations(
-        still, flight.measured, gust.slopes, gust.sooner, gust.follow, gust.fresh, step, gust.keep,
-        gust.std * noise.gust_share, np.array(noise.process), np.array(noise.noise), gains, spreads, out, air,
+        answer, flight.measured, gust.slopes, gust.sooner, gust.follow, gust.fresh, step, gust.keep,
+        gust.std * noise.gust_share, np.array(noise.process), np.array(noise.noise), gains, spreads, out,
     )  # fmt: skip
-    return Driven(flight, wind, answer, gust, gains, spreads, out / spreads, air, float(cost))
+    return Driven(flight, wind, answer, gust, gains, spreads, out / spreads, float(cost))

@@ -111,7 +111,7 @@ def along(kernels, spans, signals, geometry, x, p, held, edges, ticks, wind, puf
 
 @numba.njit(cache=True, nogil=True)
 def innovations(
-    model, measured, gust, sooner, follow, fresh, step, keep, gust_std, process, noise, gains, spreads, out, air,
+    model, measured, gust, sooner, follow, fresh, step, keep, gust_std, process, noise, gains, spreads, out,
 ):
     """Take out what gusts explain; returns twice the negative log-likelihood.
 
@@ -125,8 +125,7 @@ def innovations(
         step [s]; keep (N, 3): factor of the gust a node. gust_std (N, 3) [m/s]. process (7,), noise (7,): standard
             deviations of what the model leaves open (of rates and rotor speed a node) and of the measurement.
         gains (N, 7, 10), spreads (N, 7), out (N, 7): written; out: innovations in units of the measurement. A spread
-            of inf: nothing measured; of RESTART: a reading from which the count begins. air (N, 2): the gust [m/s]
-            towards east and north, as known at each node.
+            of inf: nothing measured; of RESTART: a reading from which the count begins.
 
     Where no force is measured (on the ground), rates and rotor speed are followed anew from the next reading on.
     """
@@ -215,7 +214,6 @@ def innovations(
             for i in range(10):
                 for j in range(10):
                     cov[i, j] -= ph[i] * ph[j] / s2
-        air[n, 0], air[n, 1] = x[0], x[1]
     return total
 
 

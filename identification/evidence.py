@@ -14,7 +14,7 @@ from identification.causes import CATALOGUE, Cause, Change
 from identification.declared import declared, offsets
 from identification.drive import Driven, Noise, gust_slopes, judge
 from identification.flight import Flight
-from identification.grid import blown, sheared, turned
+from identification.grid import sheared, turned
 from identification.gusts import usual
 from identification.model import Model, tolerance_of
 from identification.noise_fit import Settled
@@ -133,7 +133,6 @@ class Sheet:
     def __init__(self, model: Model, flight: Flight, causes: Sequence[Cause], keys: Sequence[str]) -> None:
         """keys: of the knobs whose signatures are wanted."""
         self.model, self.flight, self.keys = model, flight, list(keys)
-        self._calm, self._air = flight, np.zeros((len(flight.motion.t), 2))
         nodes, scalars = len(flight.motion.t), len(flight.motion.kinds)
         self.t: Floats = np.concatenate([flight.motion.times, np.repeat(flight.motion.t, 7)])
         self.channel: NDArray[np.int64] = np.concatenate(
@@ -206,7 +205,7 @@ class Sheet:
         found = rate_slopes(self.model, self.flight, self.wind, self._rates, self.at)
         self.by_rate = found | {key: found[of] for key, of in self._same.items()}
         slopes = gust_slopes(self.model, self.flight, self.wind, {k: v for k, v in self.at.items() if k != INFLOW})
-        self.gust = usual(self.flight, self.wind, slopes, self._air)
+        self.gust = usual(self.flight, self.wind, slopes)
 
     def look_for_wind(self, noise: Noise, free: Mapping[str, float]) -> None:
         """Take the wind, among many, under which what is free (deviations by key) explains the flight best.
@@ -248,17 +247,6 @@ class Sheet:
         inner = cho_factor(np.eye(len(pull)) + explained.T @ explained)
         plain = np.sum(left**2, axis=0)
         return plain, plain - np.sum(pull * cho_solve(inner, pull), axis=0)
-
-    def meet(self, air: Floats) -> None:
-        """Take answers and slopes from now on in these gusts (N, 2) [m/s] towards east and north.
-
-        What a tail rotor or a fuselage does in wind from aside has kinks: slopes about the mean wind do not hold.
-        """
-        drive = self._calm.drive
-        self._air = air
-        self.flight = replace(
-            self._calm, drive=replace(drive, fine=blown(drive.fine, air), coarse=blown(drive.coarse, air))
-        )
 
     def whiten(self, noise: Noise) -> None:
         """Whiten everything under these noise levels."""

@@ -131,15 +131,6 @@ def turned(grid: Grid, rates: Floats) -> Grid:
     return Grid(edges, table)
 
 
-def blown(grid: Grid, gusts: Floats) -> Grid:
-    """The grid in air that moves: gusts (N, 2) [m/s] from west and south at the nodes' ends."""
-    ends = np.cumsum(grid.table[:, DT])
-    table = grid.table.copy()
-    for axis in range(2):
-        table[:, VELOCITY + axis] -= np.interp(ends - 0.5 * table[:, DT], ends[grid.edges[1:] - 1], gusts[:, axis])
-    return Grid(grid.edges, table)
-
-
 def sheared(grid: Grid, more: float) -> Grid:
     """The grid with `more` shear of the usual profile."""
     table = grid.table.copy()

@@ -43,11 +43,10 @@ class Gusts:
     fresh: Floats  # (4, 4) covariance of what is new in them, for steps of variance one
     keep: Floats  # (N, 3) factor of a gust a node
     std: Floats  # (N, 3) [m/s]
-    about: Floats  # (N, 2) [m/s] towards east and north: those that the answer and its slopes were taken in
 
 
-def usual(flight: Flight, wind: Floats, slopes: Slopes, about: Floats) -> Gusts:
-    """Gusts of a flight in this mean wind (3,) [m/s] at 10 m; about: see `Gusts`."""
+def usual(flight: Flight, wind: Floats, slopes: Slopes) -> Gusts:
+    """Gusts of a flight in this mean wind (3,) [m/s] at 10 m."""
     motion = flight.motion
     height, speed = motion.position[:, 2], max(float(np.linalg.norm(wind[:2])), CALM)
     air = motion.velocity.copy()
@@ -56,7 +55,7 @@ def usual(flight: Flight, wind: Floats, slopes: Slopes, about: Floats) -> Gusts:
     length = np.array([lengths(h) for h in height])[:, [0, 0, 1]]
     std = np.array([intensities(h, speed) for h in height])[:, [0, 0, 1]]
     keep = np.exp(-motion.step * airspeed[:, None] / (SHORTER * length))
-    return Gusts(slopes.lasting, slopes.sooner, *followed(slopes.left), keep, std, about)
+    return Gusts(slopes.lasting, slopes.sooner, *followed(slopes.left), keep, std)
 
 
 def followed(left: float) -> tuple[Floats, Floats]:

@@ -16,7 +16,7 @@ from identification import kinematics as k
 from identification.bench import Baseline, Bench, Channel
 from identification.causes import CATALOGUE
 from identification.causes.contract import Cause
-from identification.drive import Noise, judge
+from identification.drive import Noise
 from identification.dynamics import CHANNELS, UNITS
 from identification.evidence import Sheet
 from identification.flight import Flight, prepare
@@ -34,7 +34,7 @@ START = Noise(
 ROUGH = ("actuator_deadband",)  # causes of which a slope says little
 # times the noise of force, moment and rotor speed while everything is set free: what is linear about the nominal
 # numbers says little of the true ones, least of all by moments, which show a hundredth of what tolerances leave open
-DIM = ((4.0, 100.0, 20.0), (4.0, 30.0, 8.0), (1.0, 5.0, 4.0))
+DIM = ((4.0, 100.0, 20.0), (4.0, 30.0, 8.0), (3.0, 15.0, 4.0))
 STEPS = 4  # tries at each
 SETTLED_BY = 0.1  # of a sensor's error, by which it may still change before flights are filtered anew for it
 MOVED = 0.5  # of a tolerance, beyond which a slope is taken anew
@@ -182,9 +182,6 @@ class HelicopterBench:
             self._linearise(at, [dimmed(START, stage)] * len(self.sheets), rough=True)
             at = dict(refit(self, causes, start=at, rounds=STEPS).at)
             settled = [self._settled(i, at) for i in range(len(self.sheets))]
-            if stage is not DIM[-1]:
-                for sheet, s in zip(self.sheets, settled, strict=True):
-                    sheet.meet(judge(s.flight, s.wind, s.answer, s.gust, dimmed(START, DIM[-1])).air)
         least = dimmed(START, DIM[-1])  # what the model itself is off by in gusts and quick turns
         noise = noise_fit.fit([least] * len(self.sheets), settled, None if like is None else like.sheets[0].noise)
         self._linearise(at, noise, rough=False)
