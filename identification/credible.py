@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.evidence import DRIVEN
 from identification.helicopter import HelicopterBench
-from identification.regions import left_over
+from identification.left_over import left_over
 from identification.search import Names, Search
 
 FEWEST = 30  # rows of a channel that is looked at

@@ -78,6 +78,7 @@ class HelicopterBench:
             **{i: Channel(name, SCALAR_UNITS[name.partition(".")[0]]) for i, name in enumerate(k.CHANNELS)},
             **{100 + i: Channel(name, unit) for i, (name, unit) in enumerate(zip(CHANNELS, UNITS, strict=True))},
         }
+        self.sensor_channels: Sequence[int] = [number for number in self.channels if number < ev.DRIVEN]
         self._describe()
         self.sheets = [Sheet(self.model, flight, self.causes, self._knob_keys) for flight in self.flights]
         self._settle(like)

@@ -12,6 +12,7 @@ from identification.bench import Bench
 from identification.causes.contract import Cause
 from identification.competition import Competition, Score
 from identification.null import THRESHOLD
+from identification.overruled import overruled
 from identification.refit import Refit, refit
 
 REFITTED = 4  # of the best of a screening
@@ -112,7 +113,9 @@ class Search:
         rough = getattr(self.bench, "rough", ())
         for score in self.screen(names)[:REFITTED]:
             if score.log_evidence > WORTH * self.threshold or score.causes[0] in rough:
-                tried.append(self._larger(names, score))
+                larger = self._larger(names, score)
+                if not overruled(self.bench, self.causes[score.causes[0]], self.fit(names), self.fit(larger)):
+                    tried.append(larger)
         if not tried:
             return None
         best = max(tried, key=self.gain)
