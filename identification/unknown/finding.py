@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 MOST = 3  # effects
 POINTS = 25  # of a curve
 HELD = 5.0  # [nats] that a curve must gain where it was not fitted
-NEARLY = 0.8  # of the log evidence of causes and effect together
+NEARLY = 0.65  # of causes' and effect's log evidence together: a form not quite the catalogue's is still its cause
 THIRDS, BLOCK = 3, 4.0  # [s]
 
 
