@@ -21,7 +21,7 @@ PLAY = 5.0  # times as much where servos have play
 
 def doubt(search: Search, best: Names) -> str | None:
     """Why even the best explanation cannot be trusted; None where it can."""
-    return _shaken(search, best) or _contradicted(search, best)
+    return _shaken(search, best) or contradicted(search, best)
 
 
 def _shaken(search: Search, best: Names) -> str | None:
@@ -43,7 +43,8 @@ def _shaken(search: Search, best: Names) -> str | None:
     return None
 
 
-def _contradicted(search: Search, best: Names) -> str | None:
+def contradicted(search: Search, best: Names) -> str | None:
+    """Which sensor contradicts all others under the best explanation; None where none does."""
     rows = left_over(search.bench, search.fit(best))
     size: dict[str, float] = {}
     for number, channel in search.bench.channels.items():

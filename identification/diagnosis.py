@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 
 import numpy as np
@@ -12,7 +13,7 @@ from flightlog.tables import Table
 from identification.bench import Bench
 from identification.classes import confusable, rivals, shares
 from identification.counts import Counted, count
-from identification.credible import doubt
+from identification.credible import contradicted, doubt
 from identification.helicopter import HelicopterBench
 from identification.null import THRESHOLD, UNJUDGED
 from identification.regions import lost
@@ -82,13 +83,15 @@ def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float | None) -> Diagno
     needed = threshold if threshold is not None else float(getattr(bench, "threshold", THRESHOLD))
     search = Search(bench, needed)
     certified = bench.baseline.certified
-    best: Names = search.run() if certified else ()
-    for _ in range(LOOKS):
-        anew = _anew(search, best)
+    best: Names = ()
+    for further in reversed(range(LOOKS + 1)):
+        if not certified:
+            break
+        best = search.run(partial(_misled, search) if further else None)
+        anew = _anew(search, best) if further else None
         if anew is None:
             break
         bench, search = anew, Search(anew, needed)
-        best = search.run()
     beside = find(search, best) if certified else NOTHING
     best = beside.causes
     reason = (doubt(search, best) or _unfit(search, best, beside.explained)) if certified else bench.baseline.reason
@@ -115,18 +118,25 @@ def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float | None) -> Diagno
     return Diagnosis(verdict, bench, search, best, beside.found)
 
 
-def _anew(search: Search, best: Names) -> Bench | None:
-    """The flights prepared anew with what was found of their sensors taken out.
+def _misled(search: Search, best: Names) -> bool:
+    """Whether flights are better prepared anew before the set grows.
 
     What a sensor's error does is not linear: a lag of half a second is found a fifth too small from where the file has
-    it, and what is left over looks like others.
+    it, and what is left over looks like others. So does what noise is taken for that is play.
 
     Not where it is the best of wrong explanations: what contradicts it is not to be taken for noise.
     """
-    prepare = getattr(search.bench, "anew", None)
-    if prepare is None or not best or doubt(search, best):
+    settled, fit = getattr(search.bench, "settled", None), search.fit(best)
+    chosen = [search.causes[name] for name in best]
+    return settled is not None and not settled(chosen, fit.values, fit.std) and not contradicted(search, best)
+
+
+def _anew(search: Search, best: Names) -> Bench | None:
+    """The flights prepared anew with what was found of their sensors taken out; None where there is no need."""
+    prepare, fit = getattr(search.bench, "anew", None), search.fit(best)
+    if prepare is None or not best or contradicted(search, best):
         return None
-    found: Bench | None = prepare([search.causes[name] for name in best], search.fit(best).values)
+    found: Bench | None = prepare([search.causes[name] for name in best], fit.values, fit.std)
     return found
 
 

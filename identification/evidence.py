@@ -33,6 +33,8 @@ QUICK = (
     "terms.hub", "inertia", "terms.deadband", "terms.cg_offset", "rotor.nominal_speed", "sensors.imu.position",
     "terms.main_rotor.inflow_mass", "terms.rotor_droop",
 )  # fmt: skip
+# for the derivative by what is rough, once it is in force
+CLOSE_BY = {"terms.deadband.width": 3e-4, "terms.deadband.release": 0.02}
 WIND_STEP = 0.5  # [m/s]
 WIND_CLOSE, WIND_ROUNDS = 0.15, 5  # [m/s] within which a flight's wind is where it belongs; tries to get there
 WIND_REACH = 3.0  # [m/s] that one of them may go
@@ -73,7 +75,9 @@ def knob_slopes(
     steps = {}
     for key in keys:
         knob = model.knobs[key]
-        steps[key] = knob.step if at.get(key, knob.nominal) + knob.step <= knob.high else -knob.step
+        here = at.get(key, knob.nominal)
+        step = knob.step if here == knob.nominal else CLOSE_BY.get(key, knob.step)
+        steps[key] = step if here + step <= knob.high else -step
     moved = {key: at | {key: at.get(key, model.knobs[key].nominal) + step} for key, step in steps.items()}
     slopes: dict[str, Floats] = {}
     for coarse in (False, True):
@@ -239,7 +243,9 @@ class Sheet:
         self.linearise({}, rough=True)
         self.whiten(noise)
         inside = self.channel >= DRIVEN
-        left = np.column_stack([judge(self.flight, wind, a, self.gust, noise).residual.ravel() for a in answers])
+        first = judge(self.flight, wind, answers[0], self.gust, noise)
+        further = first.whiten(np.stack([answer - answers[0] for answer in answers], axis=-1))
+        left = first.residual.reshape(-1, 1) + further.reshape(-1, len(answers))
         left[~self._late[inside]] = 0.0
         own = [self._laid.own[key] * free[key] for key in self._laid.own if free.get(key, 0.0) > 0.0]
         explained = np.column_stack([*own, *(self._laid.local * self.local_std).T[2:]])[inside]

@@ -1,7 +1,7 @@
 """Helicopters: motion by the sensors, forces by the model along it."""
 
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -31,12 +31,12 @@ START = Noise(
     gust_share=(1.5, 1.5, 1.5), process=(0.0, 0.0, 0.0, 2e-3, 1e-3, 1e-3, 0.05),
     noise=(0.05, 0.05, 0.05, 1e-3, 1e-3, 1e-3, 0.22),
 )  # fmt: skip
-ROUGH = ("actuator_deadband",)  # causes of which a slope says little
 # times the noise of force, moment and rotor speed while everything is set free: what is linear about the nominal
 # numbers says little of the true ones, least of all by moments, which show a hundredth of what tolerances leave open
 DIM = ((4.0, 100.0, 20.0), (4.0, 30.0, 8.0), (3.0, 15.0, 4.0))
 STEPS = 4  # tries at each
-SETTLED_BY = 0.1  # of a sensor's error, by which it may still change before flights are filtered anew for it
+# by how much of itself, or of its standard deviation, an error may still change before flights are prepared anew for it
+SETTLED_BY, SETTLED_WITHIN, PLAY_BY = 0.1, 0.7, 0.02
 MOVED = 0.5  # of a tolerance, beyond which a slope is taken anew
 
 SCALAR_UNITS = {"gps": "m", "baro": "m", "sonar": "m", "mag": "uT", "pad": "m"}
@@ -48,16 +48,18 @@ class HelicopterBench:
     # [nats] by hand: the best cause of null sets of three 60 s flights gains 3 on average and 11 at most, 17.6 once
     # before drag had a sign; an effect of d' 6 gains as much as this (docs/diagnosis.md, "Blind benchmark: helicopter")
     threshold = 15.0
-    rough = ROUGH
     apart = True  # flights share nothing that is written: they may be taken side by side
 
     def __init__(
         self, logs: Mapping[str, Mapping[str, Table]], vehicle: Vehicle, like: "HelicopterBench | None" = None,
-        prepared_at: Mapping[str, float] | None = None,
+        prepared_at: Mapping[str, float] | None = None, in_force: Mapping[str, float] | None = None,
+        before: "HelicopterBench | None" = None,
     ) -> None:  # fmt: skip
         """Prepare the flights and fit the noise; UserError for a log that cannot carry a diagnosis.
 
-        prepared_at: errors of sensors, absolute by key, with which the motion is filtered.
+        prepared_at: errors of sensors, absolute by key, with which the motion is filtered. in_force: numbers of rough
+        causes about which the noise is fitted. before: the same flights prepared otherwise, whose winds and numbers are
+        where this one begins.
         """
         self.vehicle, self._logs = vehicle, logs
         self.names: Sequence[str] = list(logs)
@@ -68,6 +70,7 @@ class HelicopterBench:
         self.prepared_at: Mapping[str, float] = {
             key: about.number(measuring, key, units[key], value) for key, value in (given or {}).items()
         }
+        self.in_force: Mapping[str, float] = dict(in_force or {})
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             self.flights: list[Flight] = list(pool.map(lambda log: prepare(log[0], log[1], measuring), logs.items()))
         topics = set.intersection(*(set(tables) for tables in logs.values()))
@@ -81,7 +84,7 @@ class HelicopterBench:
         self.sensor_channels: Sequence[int] = [number for number in self.channels if number < ev.DRIVEN]
         self._describe()
         self.sheets = [Sheet(self.model, flight, self.causes, self._knob_keys) for flight in self.flights]
-        self._settle(like)
+        self._settle(like, before)
         self.baseline = self._judge()
 
     def rows(self, flight: int, changes: Mapping[str, float], fresh: Collection[str] = ()) -> Rows:
@@ -100,23 +103,52 @@ class HelicopterBench:
             key: values.get(key, self.nominal[key]) - self.prepared_at.get(key, self.nominal[key]) for key in keys
         }
 
-    def anew(self, causes: Sequence[Cause], at: Mapping[str, float]) -> "HelicopterBench | None":
-        """The same flights, filtered with these causes' errors of sensors as in `at`.
+    def settled(self, causes: Sequence[Cause], at: Mapping[str, float], std: Mapping[str, float]) -> bool:
+        """Whether flights were prepared with these causes' errors of sensors, and play, about as large as in `at`.
 
-        None where there are none, just these were taken out already by about as much, or no vehicle can have them.
+        std: of what is in `at`, by key. What no vehicle file may say cannot be prepared any better.
         """
-        own = [p.key for cause in causes if cause.changes is not None for p in cause.parameters]
-        errors = {key: at[key] for key in own if key.startswith(about.OF_SENSORS) and key in at}
-        if errors.keys() == self.prepared_at.keys() and all(
-            abs(value - self.prepared_at[key]) <= SETTLED_BY * abs(value - self.nominal[key])
-            for key, value in errors.items()
-        ):
+        found, taken = self._taken_out(causes, at), {**self.prepared_at, **self.in_force}
+        return not self._possible(found) or all(
+            key in taken
+            and abs(value - taken[key])
+            <= max(
+                (PLAY_BY if key in self.in_force else SETTLED_BY) * abs(value - self.nominal[key]),
+                SETTLED_WITHIN * std[key],
+            )
+            for key, value in found.items()
+        )
+
+    def anew(
+        self, causes: Sequence[Cause], at: Mapping[str, float], std: Mapping[str, float]
+    ) -> "HelicopterBench | None":
+        """The same flights, filtered with these causes' errors of sensors as in `at`, and with their play in force.
+
+        None where just this was taken out already, by about as much (`settled`).
+        """
+        found = self._taken_out(causes, at)
+        errors = {key: value for key, value in found.items() if key not in self.model.knobs}
+        play = {key: value for key, value in found.items() if key in self.model.knobs}
+        fewer = {*self.prepared_at, *self.in_force} - found.keys()
+        if not self._possible(found) or (not fewer and self.settled(causes, at, std)):
             return None
+        alike = self if self.prepared_at or self.in_force else None  # what was distorted leads astray
+        return HelicopterBench(self._logs, self.vehicle, prepared_at=errors, in_force=play, before=alike)
+
+    def _taken_out(self, causes: Sequence[Cause], at: Mapping[str, float]) -> dict[str, float]:
+        """What of these causes the flights can be prepared with."""
+        plain = [p.key for cause in causes if cause.changes is not None for p in cause.parameters]
+        rough = [p.key for cause in causes if cause.starts for p in cause.parameters]
+        keys = [*(key for key in plain if key.startswith(about.OF_SENSORS)), *rough]
+        return {key: at[key] for key in keys if key in at}
+
+    def _possible(self, found: Mapping[str, float]) -> bool:
+        """Whether a vehicle file may say so."""
         try:
-            about.with_errors(self.vehicle, errors, self.units)
-        except UserError:  # so far off that no vehicle file may say it
-            return None
-        return HelicopterBench(self._logs, self.vehicle, prepared_at=errors)
+            about.with_errors(self.vehicle, {k: v for k, v in found.items() if k not in self.model.knobs}, self.units)
+        except UserError:
+            return False
+        return True
 
     def renew(self, at: Mapping[str, float] | None) -> None:
         """Take the slopes of what has moved anew about these values, all where nothing has.
@@ -128,9 +160,12 @@ class HelicopterBench:
                 sheet.start_over()
             return
         knobs = {key: value for key, value in at.items() if key in self.model.knobs}
-        for sheet in self.sheets:
+
+        def again(sheet: Sheet) -> None:
             moved = [key for key in self._knob_keys if self._moved(sheet, key, knobs)]
             sheet.refresh(moved or self._knob_keys, knobs)
+
+        self._each(again)
 
     def start(self, names: Sequence[str]) -> Mapping[str, float]:
         """Where a fit of these causes begins: where everything set free leads, the true numbers being near."""
@@ -170,16 +205,22 @@ class HelicopterBench:
         scale = self.tolerances.get(key, 0.0) or self.spreads[key]
         return abs(knobs.get(key, self.nominal[key]) - sheet.at[key]) > MOVED * scale
 
-    def _settle(self, like: "HelicopterBench | None") -> None:
+    def _settle(self, like: "HelicopterBench | None", before: "HelicopterBench | None") -> None:
         """Everything that has a name is set free: wind, slopes and noise are taken where that leads.
 
         So the noise is what no cause explains, whether a cause is at work or not.
         """
-        free = [cause for cause in self.causes if cause.name not in ROUGH]
-        at = {key: value for key, value in self.prepared_at.items() if key in self.nominal}
-        for sheet in self.sheets:
-            sheet.look_for_wind(dimmed(START, DIM[0]), self.tolerances)
-        for stage, causes in zip(DIM, ([], free, free), strict=True):
+        free = [c for c in self.causes if not c.starts or any(p.key in self.in_force for p in c.parameters)]
+        at = {key: value for key, value in self.prepared_at.items() if key in self.nominal} | dict(self.in_force)
+        stages: list[tuple[tuple[float, float, float], list[Cause]]]
+        stages = list(zip(DIM, ([], free, free), strict=True))
+        if before is None:
+            self._each(lambda sheet: sheet.look_for_wind(dimmed(START, DIM[0]), self.tolerances))
+        else:
+            stages, at = stages[-1:], dict(before.reached) | at
+            for sheet, old in zip(self.sheets, before.sheets, strict=True):
+                sheet.wind = old.wind.copy()
+        for stage, causes in stages:
             self._linearise(at, [dimmed(START, stage)] * len(self.sheets), rough=True)
             at = dict(refit(self, causes, start=at, rounds=STEPS).at)
             settled = [self._settled(i, at) for i in range(len(self.sheets))]
@@ -201,9 +242,18 @@ class HelicopterBench:
 
     def _linearise(self, at: Mapping[str, float], noise: Sequence[Noise], rough: bool) -> None:
         knobs = {key: value for key, value in at.items() if key in self.model.knobs}
-        for sheet, level in zip(self.sheets, noise, strict=True):
+        levels = dict(zip(map(id, self.sheets), noise, strict=True))
+
+        def anew(sheet: Sheet) -> None:
             sheet.linearise(knobs, rough)
-            sheet.whiten(level)
+            sheet.whiten(levels[id(sheet)])
+
+        self._each(anew)
+
+    def _each(self, do: Callable[[Sheet], None]) -> None:
+        """Do something to every flight, side by side."""
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            list(pool.map(do, self.sheets))
 
     def _judge(self) -> Baseline:
         names = [channel.name for number, channel in sorted(self.channels.items()) if number >= ev.DRIVEN]

@@ -174,6 +174,16 @@ def refit(
     )
 
 
+def linear_cost(bench: Bench, at: Mapping[str, float]) -> float:
+    """Half the square that is left at these values (absolute, by key), what has a tolerance free on the last slopes."""
+    rows = _rows(bench, range(len(bench.names)), at, ())
+    s = stack(rows, list(rows[0].signatures))
+    std = np.array([bench.tolerances.get(key, 0.0) for key in s.keys])
+    free = [key in at and deviation > 0.0 for key, deviation in zip(s.keys, std, strict=True)]
+    shift = np.array([at[key] - bench.nominal[key] if own else 0.0 for key, own in zip(s.keys, free, strict=True)])
+    return _solve(s, std, shift, []).cost
+
+
 def _cost(s: Stack, std: Floats, shift: Floats) -> float:
     """Half the square of the residual as it is, and of what was spent of the priors."""
     spent = shift[std > 0.0] / std[std > 0.0]

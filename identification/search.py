@@ -4,7 +4,7 @@ Screening ranks; only refits count. A set grows by the cause that gains most evi
 exchanged and dropped where that loses nothing, and it stops where nothing gains the threshold.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -13,13 +13,13 @@ from identification.causes.contract import Cause
 from identification.competition import Competition, Score
 from identification.null import THRESHOLD
 from identification.overruled import overruled
-from identification.refit import Refit, refit
+from identification.refit import Refit, linear_cost, refit
 
 REFITTED = 4  # of the best of a screening
 CLOSE = 1.0  # [nats] to what the screening promised, where no other start is tried
 WORTH = 0.2  # of the threshold, in linear evidence: below it a cause is not refitted, but for rough ones
+HOPELESS = 0.05  # of what another cause gained, in linear evidence, below which a cause is not refitted
 LEAST = -2.0  # [nats] of linear evidence below which no larger set is looked at
-SHARES = (0.25, 0.5, 1.0)  # of its spread, at which the fit of a rough cause begins
 MOST = 3  # causes in a set
 FEW = 14  # causes, up to which every set of them is looked at
 
@@ -77,8 +77,11 @@ class Search:
         linear, moved = about() if about else (at.stack, shift)
         return Competition(linear, free, others, self.bench.spreads, moved)
 
-    def run(self) -> Names:
-        """The set of causes that is asserted, none of which loses less than the threshold when left out."""
+    def run(self, until: Callable[[Names], bool] | None = None) -> Names:
+        """The set of causes that is asserted, none of which loses less than the threshold when left out.
+
+        until: whether a set is not to be grown any further.
+        """
         if len(self.causes) <= FEW and getattr(self.bench, "every_set", False):
             return self._prune(self._choose())
         best: Names = ()
@@ -87,6 +90,8 @@ class Search:
             if grown is None:
                 break
             best = self._prune(grown)
+            if until is not None and until(best):
+                break
         return best
 
     def _choose(self) -> Names:
@@ -110,12 +115,15 @@ class Search:
 
     def _grow(self, names: Names) -> Names | None:
         tried: list[Names] = []
-        rough = getattr(self.bench, "rough", ())
+        gained = 0.0
         for score in self.screen(names)[:REFITTED]:
-            if score.log_evidence > WORTH * self.threshold or score.causes[0] in rough:
+            if score.log_evidence < HOPELESS * gained:
+                continue
+            if score.log_evidence > WORTH * self.threshold or self.causes[score.causes[0]].starts:
                 larger = self._larger(names, score)
                 if not overruled(self.bench, self.causes[score.causes[0]], self.fit(names), self.fit(larger)):
                     tried.append(larger)
+                    gained = max(gained, self.gain(larger) - self.gain(names))
         if not tried:
             return None
         best = max(tried, key=self.gain)
@@ -142,11 +150,13 @@ class Search:
     def _places(self, larger: Names, score: Score, at: dict[str, float]) -> list[dict[str, float]]:
         """Where the fit of a larger set may begin; at: where the smaller one ended."""
         bench, parameters = self.bench, self.causes[score.causes[0]].parameters
-        if score.causes[0] in getattr(bench, "rough", ()):  # a slope says little of it
-            far = [at | {p.key: bench.nominal[p.key] + share * bench.spreads[p.key] for p in parameters}
-                   for share in SHARES]  # fmt: skip
-            chosen = [self.causes[name] for name in larger]
-            return [min([at, *far], key=lambda place: refit(bench, chosen, place, rounds=1).cost)]
+        starts = self.causes[score.causes[0]].starts
+        if starts is not None:
+            taken: Mapping[str, float] = getattr(bench, "in_force", {})
+            known = tuple(taken[p.key] for p in parameters if p.key in taken)
+            far = [at | {p.key: value for p, value in zip(parameters, start, strict=True)}
+                   for start in starts(known or None)]  # fmt: skip
+            return [min(far, key=lambda place: linear_cost(bench, place))]
         begin = getattr(bench, "start", None)
         if begin:  # where a long step of one number alone would lead astray
             return [at, dict(begin(larger))]

@@ -46,6 +46,9 @@ class Cause:
     topic: str | None = None  # the device that it is about, where there is one cause for each
     alike: int = 1  # how many of one kind there are, that share the prior of one cause: rotors, joints
     split_by: Mapping[str, str] = field(default_factory=dict)  # by confusable cause: the manoeuvre that tells
+    # of causes of which a slope says little: values of the parameters, from the best of which a fit begins; those near
+    # what is known about already, where that is given
+    starts: Callable[[tuple[float, ...] | None], list[tuple[float, ...]]] | None = None
 
     @property
     def title(self) -> str:

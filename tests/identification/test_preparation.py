@@ -94,12 +94,25 @@ def test_errors_of_sensors_count_from_those_that_were_taken_out(late: Helicopter
 
 def test_flights_are_filtered_anew_for_errors_that_were_not_taken_out_yet(late: HelicopterBench) -> None:
     latency, mass = CATALOGUE["camera_latency"], CATALOGUE["mass"]
-    assert late.anew([latency], {"cameras.down.stamp_delay": 0.053}) is None
-    further = late.anew([latency], {"cameras.down.stamp_delay": 0.06})
-    assert further is not None and further.prepared_at == {"cameras.down.stamp_delay": pytest.approx(0.06)}
-    back = late.anew([mass], {"mass": 5.2})
-    assert back is not None and back.anew([latency], {"cameras.down.stamp_delay": 9.0}) is None
-    assert back is not None and back.prepared_at == {} and back.anew([mass], {"mass": 5.2}) is None
+    key, std = "cameras.down.stamp_delay", {"cameras.down.stamp_delay": 1e-3, "mass": 0.1}
+    assert late.anew([latency], {key: 0.053}, std) is None
+    assert late.settled([latency], {key: 0.06}, {key: 0.02}) and not late.settled([latency], {key: 0.06}, std)
+    further = late.anew([latency], {key: 0.06}, std)
+    assert further is not None and further.prepared_at == {key: pytest.approx(0.06)}
+    assert late.settled([mass], {"mass": 5.2}, std)  # what was taken out may still be found by a larger set
+    back = late.anew([mass], {"mass": 5.2}, std)
+    assert back is not None and back.anew([latency], {key: 9.0}, std) is None
+    assert back is not None and back.prepared_at == {} and back.anew([mass], {"mass": 5.2}, std) is None
+
+
+def test_flights_are_prepared_anew_with_play_in_force_and_judged_without_it(late: HelicopterBench) -> None:
+    play, width, release = CATALOGUE["actuator_deadband"], "terms.deadband.width", "terms.deadband.release"
+    found, std = {width: 0.01, release: 1.0}, {width: 1e-5, release: 1e-3}
+    stuck = late.anew([play], found, std)
+    assert stuck is not None and stuck.in_force == found and stuck.prepared_at == {}
+    assert stuck.settled([play], found, std) and not stuck.settled([play], {**found, width: 0.013}, std)
+    none, there = stuck.rows(0, {}), stuck.rows(0, found)
+    assert np.abs(none.residual - there.residual).max() > 1.0  # and yet none flew
 
 
 @pytest.mark.parametrize(("key", "size"), [

@@ -106,6 +106,29 @@ def test_slopes_are_taken_anew_only_where_a_step_misled() -> None:
     assert far.renewed > 0
 
 
+FAR = Cause(
+    "far", "timing", (Parameter("delay", "s", DELAY, 2.0),), about="so late that no slope shows it",
+    starts=lambda known: [(delay,) for delay in ((known or (3.0,))[0] + np.arange(-4.0, 4.1, 0.5)).tolist()],
+)  # fmt: skip
+
+
+def test_what_a_slope_says_little_of_is_fitted_from_the_best_of_its_starts() -> None:
+    sizes = {}
+    for cause in (LATE, FAR):
+        bench: Any = RenewingBench({DELAY: 5.2})
+        bench.causes, bench.spreads = [cause], {**SPREADS, DELAY: 5.0}
+        search = Search(bench, 5.0)
+        search.screen()
+        sizes[cause.name] = search.gain(search._larger((), search.screen()[0]))
+    assert sizes["far"] > sizes["late"] + 100.0
+
+
+def test_a_search_that_is_stopped_has_one_cause_more() -> None:
+    bench: Any = RenewingBench({DELAY: 1.1, WIDTH: 1.6})
+    assert set(Search(bench, 5.0).run()) == {"late", "wide"}
+    assert len(Search(bench, 5.0).run(lambda names: True)) == 1
+
+
 def test_a_fit_does_not_depend_on_those_before_it() -> None:
     true = {DELAY: 0.9, WIDTH: 1.3}
 

@@ -38,14 +38,19 @@ def test_a_centre_of_mass_ahead_pitches_the_nose_down_under_thrust_and_sees_the_
     assert s["moment"][1] > 0.0  # about the left axis: nose down
 
 
-def test_slack_is_taken_up_before_a_control_moves():
-    pipeline, s = alone("deadband", width=0.02)
+@pytest.mark.parametrize(
+    ("release", "follows"),
+    [(0.0, [0.0, 0.0, 0.005, 0.005, 0.005, 0.0, 0.49]), (1.0, [0.0, 0.0, 0.015, 0.015, 0.0, 0.0, 0.5]),
+     (0.5, [0.0, 0.0, 0.01, 0.01, 0.01, -0.005, 0.495])],
+)
+def test_slack_is_taken_up_before_a_control_moves_by_its_rest_or_all_the_way(release, follows):
+    pipeline, s = alone("deadband", width=0.02, release=release)
     seen = []
     for command in (0.0, 0.009, 0.015, 0.015, 0.0, -0.01, 0.5):
         s["collective"] = command
         pipeline.run(s, 0.002)
         seen.append(float(s["collective"]))
-    assert seen == pytest.approx([0.0, 0.0, 0.005, 0.005, 0.005, 0.0, 0.49])
+    assert seen == pytest.approx(follows)
 
 
 @pytest.mark.parametrize("sink", [0.3, 1.0, 1.7])
@@ -60,8 +65,8 @@ def test_thrust_is_lost_where_the_rotor_sinks_as_fast_as_it_pushes_air(sink):
 
 @pytest.mark.parametrize(
     ("name", "numbers"),
-    [("drag", {"area": 0.0, "linear": 0.0}), ("deadband", {"width": 0.0}), ("vortex_ring", {"depth": 0.0}),
-     ("cg_offset", {"x": 0.0, "y": 0.0, "z": 0.0})],
+    [("drag", {"area": 0.0, "linear": 0.0}), ("deadband", {"width": 0.0, "release": 0.0}),
+     ("vortex_ring", {"depth": 0.0}), ("cg_offset", {"x": 0.0, "y": 0.0, "z": 0.0})],
 )
 def test_a_neutral_term_changes_nothing(name, numbers):
     raptor = vehicle.load("raptor90")
