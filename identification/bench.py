@@ -31,9 +31,9 @@ class Baseline:
 class Bench(Protocol):
     """Flights of one vehicle, prepared: one class a kind of vehicle.
 
-    A bench may also have: `threshold` [nats] of its own; `start(names)`, where the fit of a set begins; `renew(at)`,
-    which takes slopes anew about `at`, or those of the beginning for None; `apart`, true where flights may be taken
-    side by side; `cheap`, true where slopes cost nothing;
+    A bench may also have: `threshold` [nats] of its own, and `beside`, of a further cause beside the first;
+    `start(names)`, where the fit of a set begins; `renew(at)`, which takes slopes anew about `at`, or those of the
+    beginning for None; `apart`, true where flights may be taken side by side; `cheap`, true where slopes cost nothing;
     `anew(causes, at, std)`, the same flights prepared about what these causes come to, and `settled(causes, at, std)`,
     whether they were.
     """

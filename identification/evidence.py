@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
+from scipy.signal import lfilter
 
 from flightlog.rotations import matrix
 from identification import kinematics as k
@@ -35,6 +36,7 @@ QUICK = (
 )  # fmt: skip
 # for the derivative by what is rough, once it is in force
 CLOSE_BY = {"terms.deadband.width": 3e-4, "terms.deadband.release": 0.02}
+FORGOTTEN = 0.9  # of a surprise, a node later
 WIND_STEP = 0.5  # [m/s]
 WIND_CLOSE, WIND_ROUNDS = 0.15, 5  # [m/s] within which a flight's wind is where it belongs; tries to get there
 WIND_REACH = 3.0  # [m/s] that one of them may go
@@ -263,10 +265,13 @@ class Sheet:
         self._kept = self.at, self.slopes, self.by_wind, self.columns, self._laid
 
     def surprise(self) -> Floats:
-        """(N, 3) [rad/s] by how much each node's rate was another than expected."""
-        spreads = self._driven.spreads[:, 3:6]
+        """(N, 3) [rad/s] by how much each node's rate was another than expected, some nodes before."""
+        spreads, every = self._driven.spreads[:, 3:6], range(3)
         used = np.isfinite(spreads) & (spreads > 0.0)
-        return np.where(used, self._driven.residual[:, 3:6] * np.where(used, spreads, 0.0), 0.0)
+        new = np.where(used, self._driven.residual[:, 3:6] * np.where(used, spreads, 0.0), 0.0)
+        # what the filter had not believed of the surprise before is none now
+        new[1:] -= (1.0 - self._driven.gains[:-1, 3:6][:, every, [3, 4, 5]]) * new[:-1]
+        return np.asarray(lfilter([1.0], [1.0, -FORGOTTEN], new, axis=0))
 
     def _expected(self) -> dict[str, Floats]:
         """What sensors' errors add to force, rate and rotor speed, by rates as they were expected.

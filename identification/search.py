@@ -40,6 +40,10 @@ class Search:
         """Nothing wrong: everything within its tolerance."""
         return self.fit(())
 
+    def _needed(self, names: Names) -> float:
+        """What a further cause must gain on top of this set: what the first leaves is not as sound as flights are."""
+        return max(self.threshold, float(getattr(self.bench, "beside", 0.0))) if names else self.threshold
+
     @property
     def causes(self) -> Mapping[str, Cause]:
         """All that can be tested here."""
@@ -127,7 +131,7 @@ class Search:
         if not tried:
             return None
         best = max(tried, key=self.gain)
-        return best if self.gain(best) > self.gain(names) + self.threshold else None
+        return best if self.gain(best) > self.gain(names) + self._needed(names) else None
 
     def _larger(self, names: Names, score: Score) -> Names:
         """A set with a further cause fitted from several places, until one gains what the screening promised."""
@@ -177,7 +181,7 @@ class Search:
         """Leave out what is not needed any more."""
         while names:
             smaller = max([self._without(names, name) for name in names], key=self.gain)
-            if self.gain(names) > self.gain(smaller) + self.threshold:
+            if self.gain(names) > self.gain(smaller) + self._needed(smaller):
                 break
             names = smaller
         return names

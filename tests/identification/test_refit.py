@@ -152,3 +152,12 @@ def test_a_cause_more_never_costs_more_than_its_prior() -> None:
     for names in (("late",), ("late", "wide")):
         smaller, larger = search.fit(names[:-1]), search.fit(names)
         assert larger.cost <= smaller.cost + 0.5
+
+
+def test_a_cause_beside_another_must_gain_what_the_bench_asks_of_it() -> None:
+    bench: Any = RenewingBench({DELAY: 1.1, WIDTH: 1.25})
+    alone = Search(bench, 5.0)
+    assert set(alone.run()) == {"late", "wide"}
+    gained = alone.gain(("late", "wide")) - max(alone.gain(("late",)), alone.gain(("wide",)))
+    bench.beside = gained + 1.0
+    assert len(Search(bench, 5.0).run()) == 1
