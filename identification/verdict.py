@@ -37,7 +37,7 @@ class Asserted:
     gain: CauseGain | None
     confusable_with: Sequence[str] = ()
     split_by: str | None = None
-    topic: str | None = None  # the device that it is about, where there is one cause for each
+    topic: str | None = None  # the device, joint or input that it is about, where there is one cause for each
 
 
 @dataclass(frozen=True)

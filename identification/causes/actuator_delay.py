@@ -23,6 +23,7 @@ def of_input(name: str, number: int, inputs: int) -> Cause:
         about=f"pure delay of the input {name}",
         kinds=("rig",),
         fixed={"input": number},
+        topic=name,
         alike=inputs,
         split_by={"actuator_lag": "steps of that input by itself: a lag rounds the answer, a delay shifts it"},
     )

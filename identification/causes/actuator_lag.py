@@ -23,5 +23,6 @@ def of_input(name: str, number: int, inputs: int) -> Cause:
         about=f"time constant of the input {name}",
         kinds=("rig",),
         fixed={"input": number},
+        topic=name,
         alike=inputs,
     )

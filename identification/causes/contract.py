@@ -43,7 +43,7 @@ class Cause:
     kinds: tuple[str, ...] = ("helicopter",)  # of vehicle
     each_flight: bool = False  # parameters differ from flight to flight
     fixed: Mapping[str, float] = field(default_factory=dict)  # what tells this one of several alike: rotor, joint
-    topic: str | None = None  # the device that it is about, where there is one cause for each
+    topic: str | None = None  # the device, joint or input that it is about, where there is one cause for each
     alike: int = 1  # how many of one kind there are, that share the prior of one cause: rotors, joints
     split_by: Mapping[str, str] = field(default_factory=dict)  # by confusable cause: the manoeuvre that tells
     # of causes of which a slope says little: values of the parameters, from the best of which a fit begins; those near

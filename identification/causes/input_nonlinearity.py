@@ -16,6 +16,7 @@ def of(name: str, number: int, inputs: int, size: float, unit: str) -> Cause:
         about=f"deadband and power of the input {name}",
         kinds=("rig",),
         fixed={"input": number},
+        topic=name,
         alike=inputs,
     )
 

@@ -16,6 +16,7 @@ def of(joint: str, number: int, joints: int, torque: float) -> Cause:
         about=f"dry and viscous friction of the joint {joint}",
         kinds=("rig",),
         fixed={"joint": number},
+        topic=joint,
         alike=joints,
         split_by={"joint_stiffness": "let the joint stop at several angles with the inputs changed slowly both ways"},
     )

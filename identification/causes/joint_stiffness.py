@@ -16,6 +16,7 @@ def of(joint: str, number: int, joints: int, torque: float) -> Cause:
         about=f"a spring or a cable's twist across the joint {joint}",
         kinds=("rig",),
         fixed={"joint": number},
+        topic=joint,
         alike=joints,
     )
 

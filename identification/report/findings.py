@@ -64,7 +64,7 @@ def label(name: str) -> str:
 
 def _told(cause: Asserted) -> str:
     which = [f"{name} {p.value:g}" for name, p in cause.parameters.items() if fixed(p)]
-    of = [*([] if cause.topic is None else [cause.topic]), *which]
+    of = which if cause.topic is None else [cause.topic]
     text = f"{cause.name}{' of ' + ', '.join(of) if of else ''} ({cause.where})"
     for name, p in cause.parameters.items():
         if not fixed(p):
