@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from flightlog.errors import UserError
 from flightlog.tables import Table
+from identification import mistaken
 from identification.bench import Bench
 from identification.classes import confusable, rivals, shares
 from identification.counts import Counted, count
@@ -97,6 +98,7 @@ def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float | None) -> Diagno
     reason = (doubt(search, best) or _unfit(search, best, beside.explained)) if certified else bench.baseline.reason
     if reason is not None:
         best, beside = (), NOTHING
+    _check_columns(logs, search, best, beside.found)
     causes = [_asserted(search, best, name) for name in best]
     causes = sorted((c for c in causes if c.probability > SURE), key=lambda c: -c.probability)
     counted = _counted(logs, bench) if reason is None else []
@@ -138,6 +140,20 @@ def _anew(search: Search, best: Names) -> Bench | None:
         return None
     found: Bench | None = prepare([search.causes[name] for name in best], fit.values, fit.std)
     return found
+
+
+def _check_columns(logs: Logs, search: Search, best: Names, beside: Sequence[Found]) -> None:
+    """UserError where what was found wrong with a sensor is a wrong column."""
+    bench = search.bench
+    if not isinstance(bench, HelicopterBench):
+        return
+    numbers = set(bench.sensor_channels)
+    names = {channel.name for number, channel in bench.channels.items() if number in numbers}
+    causes = [name for name in best if search.causes[name].changes is not None]
+    curves = [found.told().channel for found in beside if found.told().channel in names]
+    if causes or curves:
+        said = ", ".join([*causes, *(f"something unknown in {channel}" for channel in dict.fromkeys(curves))])
+        mistaken.check(logs, bench.vehicle, said, search.gain(best))
 
 
 def _unfit(search: Search, best: Names, explained: float) -> str | None:

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from flightlog.errors import UserError
+from flightlog.tables import Table
 from helideck.cli import main
+from identification import mistaken
 from identification.diagnosis import diagnose
 from identification.intake import LONGEST, sound
 from identification.logs import read
@@ -17,7 +19,7 @@ from sim.kinds import load
 from sim.multirotor import load_multirotor
 from sim.multirotor.simulate import fly
 from sim.vehicle import load as load_helicopter
-from tests.identification.short_flight import Columns, copied, written
+from tests.identification.short_flight import Columns, copied, made_table, written
 
 Fault = Callable[[Columns], None]
 
@@ -247,6 +249,47 @@ def test_where_log_and_model_do_not_belong_together_nothing_is_named(flown, tmp_
     assert not verdict.baseline.certified
     assert says in str(verdict.baseline.reason)
     assert verdict.causes == []
+
+
+def tables_of(columns: Columns) -> dict[str, Table]:
+    return {topic: made_table(topic, found) for topic, found in columns.items()}
+
+
+def turned(topic: str, *names: str) -> Fault:
+    return scaled(topic, names, -1.0)
+
+
+def exchanged(columns: Columns) -> None:
+    for one, other in (("e", "n"), ("ve", "vn")):
+        swapped("gps", one, other)(columns)
+
+
+@pytest.mark.parametrize(("fault", "says"), [
+    (exchanged, "gps.e and gps.n are likely swapped"),
+    (turned("gps", "n", "vn"), "gps.n has likely the wrong sign"),
+    (swapped("pad", "x", "y"), "pad.x and pad.y are likely swapped"),
+    (turned("pad", "x"), "pad.x has likely the wrong sign"),
+])  # fmt: skip
+def test_columns_that_the_sensors_would_rather_have_turned_are_told(flown, raptor, fault, says) -> None:
+    columns = copied(flown)
+    fault(columns)
+    with pytest.raises(UserError, match=f"{says}.* as they are, drift would be found"):
+        mistaken.check({"flight": tables_of(columns)}, raptor, "drift", 10.0)
+
+
+def test_a_diagnosis_names_no_cause_where_columns_are_exchanged(flown, raptor) -> None:
+    columns = copied(flown)
+    exchanged(columns)
+    with pytest.raises(UserError, match="gps.e and gps.n are likely swapped"):
+        diagnose({"flight": tables_of(columns)}, raptor)
+
+
+def test_columns_that_are_right_are_left_so_also_with_a_fault(flown, raptor) -> None:
+    mistaken.check({"flight": tables_of(flown)}, raptor, "drift", 0.0)
+    columns = copied(flown)
+    for fault in (scaled("gps", ("e", "n"), 1.0, 5.0), scaled("pad", ("x", "y", "z"), 1.05), later("pad", 0.06)):
+        fault(columns)
+    mistaken.check({"flight": tables_of(columns)}, raptor, "several", 30.0)
 
 
 @pytest.mark.parametrize("fault", [repeated, shuffled, held("gps", None, 0.5, 1.0), held("baro", np.nan, 0.3, 0.5)])
