@@ -112,7 +112,7 @@ def _held(
 
 
 def _picture(table: Table, vehicle: Vehicle, held: Floats | None) -> dict[str, Floats]:
-    """The mark as the camera would see it that it is taken for, and how sure that is; its angle is left as it is."""
+    """The mark as the camera would see it that it is taken for, and how sure that is."""
     camera, n = vehicle.cameras["down"], vehicle.sensors["pad"].numbers
     scale, focal = n["scale"], camera.focal_scale * n["focal_scale"]
     k1, axes = camera.k1_error + n["k1"], camera.mount.axes
@@ -131,6 +131,9 @@ def _picture(table: Table, vehicle: Vehicle, held: Floats | None) -> dict[str, F
             lens = bend(position, held[good], vehicle)
             straightened[good] = seen[good] - k1 * lens.moved[:, :3]
         seen = straightened
+        if "angle" in table:
+            found["angle"] = np.asarray(table["angle"], float).copy()
+            found["angle"][good] -= k1 * lens.moved[:, 3]
         for axis, name in enumerate(STATED):
             if name in table:
                 found[name] = np.asarray(table[name], float).copy()
