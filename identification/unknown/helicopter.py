@@ -29,7 +29,9 @@ class HelicopterBank:
         self._driven = [sheet.driven(sheet.at) for sheet in bench.sheets]  # its gains; they hold for any answer
         self._used = [bench.rows(i, {}).residual != 0.0 for i in range(len(bench.names))]
         seen = set.intersection(*({int(kind) for kind in np.unique(f.motion.kinds)} for f in bench.flights))
-        found = [Way(name, unit, name[:-2], name) for name, unit in zip(CHANNELS[:6], PLANT_UNITS, strict=False)]
+        # the side force is the tail rotor's, and apart from the others
+        groups = [name if name == "force_y" else name[:-2] for name in CHANNELS[:6]]
+        found = [Way(*way, way[0]) for way in zip(CHANNELS[:6], PLANT_UNITS, groups, strict=False)]
         found.append(Way(CHANNELS[6], PLANT_UNITS[6], "rotor", CHANNELS[6]))
         for kind in sorted(seen):
             name = k.CHANNELS[kind]
