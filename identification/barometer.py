@@ -35,6 +35,11 @@ def washed(
     return shifts
 
 
+def port(air: Floats, lag: float, step: float) -> Floats:
+    """(N,) [m] read too high for a port of coefficient 1 in air that passes at (N, 2) [m/s], behind the lag."""
+    return -lagged(np.sum(air**2, axis=1) / (2.0 * GRAVITY), lag, step)
+
+
 def lag_of(vehicle: Vehicle) -> float:
     """[s] by which the barometer is taken to follow."""
     return float(vehicle.sensors["baro"].numbers["lag"]) if "baro" in vehicle.sensors else 0.0

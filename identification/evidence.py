@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 
 from flightlog.rotations import matrix
 from identification import kinematics as k
+from identification.barometer import port
 from identification.beginning import SETTLED
 from identification.causes import CATALOGUE, Cause, Change
 from identification.declared import declared, offsets
@@ -24,6 +25,7 @@ from identification.signatures import Signatures
 from identification.stack import Rows
 from identification.whitening import sensor_signatures
 from sim.vehicle import Vehicle
+from sim.wind.mean import mean_speed
 
 Floats = NDArray[np.float64]
 
@@ -51,6 +53,7 @@ SHARED = {"environment.wind_e": "wind.e", "environment.wind_n": "wind.n", "envir
 WINDY = tuple(SHARED)[:2]
 # where the inertial sensor's clock is ahead, commands act that much later by it
 IMU_CLOCK, COMMANDS = "sensors.imu.clock", ("terms.servo.delay", "terms.servo.throttle_delay")
+PORT = "sensors.baro.port_coefficient"
 SHEAR, SHEAR_STEP = "environment.wind_shear", 0.3
 # of a flight's own shear: grass of 1 cm to scrub of 30 cm of roughness changes the profile below 10 m by so much
 SHEAR_STD = 0.3
@@ -152,6 +155,7 @@ class Sheet:
         self._sensors(causes, scalars, nodes)
         self.wind: Floats = np.array([*model.vehicle.wind[:2], 0.0])  # about which all is linear; at 10 m
         self.columns: dict[str, Floats] = {}
+        self._seen: Floats = flight.motion.whitened  # innovations of the sensors
         self._laid: _Laid
 
     def _sensors(self, causes: Sequence[Cause], scalars: int, nodes: int) -> None:
@@ -163,6 +167,10 @@ class Sheet:
                 found = cause.changes(flight, vehicle)
                 changes |= {p.key: change for p, change in zip(cause.parameters, found, strict=True)}
         known, stand_off = declared(flight, vehicle), offsets(flight, vehicle)
+        if "baro" in vehicle.sensors and (flight.motion.kinds == k.BARO).any():  # of no size before the wind is known
+            open_by = float(tolerance_of(vehicle.document, PORT, "1"))
+            self._port_coefficient = vehicle.sensors["baro"].numbers["port_coefficient"]
+            known.append((f"local.{PORT}", Change(np.zeros(scalars)), open_by))
         changes |= {key: change for key, change, _ in known}
         self.local_keys = ["local.shear", *(key for key, _, _ in (*known, *stand_off))]
         own = (std for _, _, std in (*known, *stand_off))
@@ -202,11 +210,28 @@ class Sheet:
         self._same = {key: key.removeprefix("local.") for key in self._rates if key.removeprefix("local.") in changes}
         self._rates = {key: rate for key, rate in self._rates.items() if self._same.get(key, key) == key}
 
+    def _take_port(self) -> None:
+        """What the air that passes does to the barometer, in the present wind."""
+        motion, key = self.flight.motion, f"local.{PORT}"
+        if key not in self._above:
+            return
+        share = np.array([mean_speed(height, 1.0) for height in motion.position[:, 2]])[:, None]
+        lag, at = self.flight.baro_lag, motion.kinds == k.BARO
+        high = port(motion.velocity[:, :2] - share * self.wind[:2], lag, motion.step)
+        dz, still = np.zeros((len(at), 1)), np.zeros((len(motion.t), 3, 1))
+        dz[at, 0] = np.interp(motion.times[at] + lag, motion.t, high)
+        self._above[key] = sensor_signatures(
+            motion.way, motion.rows, motion.gains, motion.answers, motion.first, motion.step, motion.decay, dz, still,
+            still, np.zeros((k.STATES, 1)),
+        )[:, 0]  # fmt: skip
+        self._seen = motion.whitened - self._port_coefficient * self._above[key]
+
     def linearise(self, at: Mapping[str, float] | None = None, rough: bool = False) -> None:
         """Take all slopes anew about some knobs' values (the nominal ones where not given) and the present wind."""
         self.at = {key: (at or {}).get(key, self.model.knobs[key].nominal) for key in self.keys}
         self.slopes = knob_slopes(self.model, self.flight, self.wind, self.keys, self.at, rough)
         self.slopes[SHEAR] = self.slopes["local.shear"] = shear_slope(self.model, self.flight, self.wind, self.at)
+        self._take_port()
         self.by_wind = wind_slopes(self.model, self.flight, self.wind, self.at)
         found = rate_slopes(self.model, self.flight, self.wind, self._rates, self.at)
         self.by_rate = found | {key: found[of] for key, of in self._same.items()}
@@ -362,7 +387,7 @@ class Sheet:
     def residual(self, knobs: Mapping[str, float], wind: Floats | None = None) -> Floats:
         """Whitened innovations (R,) with some knobs changed; zero where they do not count."""
         driven = self.driven(knobs, wind)
-        residual = np.concatenate([self.flight.motion.whitened, driven.residual.ravel()])
+        residual = np.concatenate([self._seen, driven.residual.ravel()])
         residual[~self._late] = 0.0
         return residual
 
