@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from identification import kinematics
+from identification.barometer import port
 from identification.causes import CATALOGUE
 from identification.drive import Noise, judge
 from identification.dynamics import innovations
@@ -23,7 +24,8 @@ from identification.stack import Rows, stack
 from identification.vibration import calm
 from identification.whitening import drive_signatures, sensor_signatures
 from sim.vehicle import load
-from tests.identification.short_flight import Columns, made_table
+from sim.wind.mean import mean_speed
+from tests.identification.short_flight import Columns, copied, made_table
 
 Floats = NDArray[np.float64]
 
@@ -265,6 +267,21 @@ def test_the_signature_of_a_force_that_a_sensor_adds_is_what_the_innovations_gai
     change = np.concatenate([np.zeros(len(flight.motion.kinds)), (moved.residual - calm).ravel()])
     change[~sheet._late] = 0.0
     assert near(size * sheet.columns[f"local.force_{axis}"], change, 1e-6)
+
+
+def test_what_passing_air_does_to_the_barometer_is_what_innovations_gain_by_it(flown: Columns, sheet: Sheet) -> None:
+    motion, key, wind = sheet.flight.motion, "local.sensors.baro.port_coefficient", np.array([7.0, -3.0, 0.0])
+    share = np.array([mean_speed(height, 1.0) for height in motion.position[:, 2]])[:, None]
+    high = port(motion.velocity[:, :2] - share * wind[:2], sheet.flight.baro_lag, motion.step)
+    columns = copied(flown)
+    columns["baro"]["altitude"] = columns["baro"]["altitude"] + 0.3 * np.interp(columns["baro"]["t"], motion.t, high)
+    blown = prepare("flight", {topic: made_table(topic, found) for topic, found in columns.items()}, load("raptor90"))
+    there = Sheet(sheet.model, sheet.flight, [], list(KNOBS))
+    there.wind = wind
+    there.linearise()
+    at = motion.kinds == kinematics.BARO
+    assert np.ptp(0.3 * high) > 0.2
+    assert near(0.3 * there._above[key][at], (blown.motion.whitened - motion.whitened)[at], 0.3)
 
 
 @pytest.mark.parametrize("seen", [0.005, 0.02])
