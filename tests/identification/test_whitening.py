@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from identification import kinematics
-from identification.barometer import port
 from identification.causes import CATALOGUE
 from identification.drive import Noise, judge
 from identification.dynamics import innovations
@@ -272,7 +271,9 @@ def test_the_signature_of_a_force_that_a_sensor_adds_is_what_the_innovations_gai
 def test_what_passing_air_does_to_the_barometer_is_what_innovations_gain_by_it(flown: Columns, sheet: Sheet) -> None:
     motion, key, wind = sheet.flight.motion, "local.sensors.baro.port_coefficient", np.array([7.0, -3.0, 0.0])
     share = np.array([mean_speed(height, 1.0) for height in motion.position[:, 2]])[:, None]
-    high = port(motion.velocity[:, :2] - share * wind[:2], sheet.flight.baro_lag, motion.step)
+    # a coefficient of 1: half rho v^2 more, which is v^2/2g of height less, behind the lag
+    air = np.sum((motion.velocity[:, :2] - share * wind[:2]) ** 2, axis=1)
+    high = np.interp(motion.t - sheet.flight.baro_lag, motion.t, -air / (2.0 * 9.80665))
     columns = copied(flown)
     columns["baro"]["altitude"] = columns["baro"]["altitude"] + 0.3 * np.interp(columns["baro"]["t"], motion.t, high)
     blown = prepare("flight", {topic: made_table(topic, found) for topic, found in columns.items()}, load("raptor90"))
