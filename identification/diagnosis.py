@@ -81,8 +81,7 @@ def examine(logs: Logs, vehicle: AnyVehicle, *, threshold: float | None = None) 
 
 def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float | None) -> Diagnosis:
     bench = open_bench(logs, vehicle)
-    needed = threshold if threshold is not None else float(getattr(bench, "threshold", THRESHOLD))
-    search = Search(bench, needed)
+    search = _search(bench, threshold)
     certified = bench.baseline.certified
     best: Names = ()
     for further in reversed(range(LOOKS + 1)):
@@ -92,7 +91,7 @@ def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float | None) -> Diagno
         anew = _anew(search, best) if further else None
         if anew is None:
             break
-        bench, search = anew, Search(anew, needed)
+        bench, search = anew, _search(anew, threshold)
     beside = find(search, best) if certified else NOTHING
     best = beside.causes
     reason = (doubt(search, best) or _unfit(search, best, beside.explained)) if certified else bench.baseline.reason
@@ -112,12 +111,16 @@ def _examine(logs: Logs, vehicle: AnyVehicle, threshold: float | None) -> Diagno
             bench.baseline.environment,
         ),
         channels=[],
-        causes=[*causes, *(c.asserted() for c in counted if c.log_bayes_factor > needed)],
+        causes=[*causes, *(c.asserted() for c in counted if c.log_bayes_factor > search.threshold)],
         candidates=[*_candidates(search, best), *(c.candidate() for c in counted)],
         unexplained=[found.told() for found in beside.found],
         not_testable=[NotTestable(name, list(needs)) for name, needs in sorted(bench.not_testable.items())],
     )
     return Diagnosis(verdict, bench, search, best, beside.found)
+
+
+def _search(bench: Bench, threshold: float | None) -> Search:
+    return Search(bench, threshold if threshold is not None else float(getattr(bench, "threshold", THRESHOLD)))
 
 
 def _misled(search: Search, best: Names) -> bool:

@@ -27,5 +27,5 @@ def open_bank(bench: object) -> Bank | None:
 def limits(bench: object) -> Mapping[str, float]:
     """[nats] by group of channels."""
     if isinstance(bench, HelicopterBench):
-        return HELICOPTER
+        return {group: bench.caution * limit for group, limit in HELICOPTER.items()}
     return MULTIROTOR if isinstance(bench, MultirotorBench) else {}

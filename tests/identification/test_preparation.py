@@ -14,7 +14,7 @@ from identification.causes import CATALOGUE
 from identification.drive import Noise
 from identification.evidence import DRIVEN, Sheet
 from identification.flight import Flight, prepare
-from identification.helicopter import HelicopterBench
+from identification.helicopter import HelicopterBench, caution
 from identification.model import Model
 from sim.vehicle import Vehicle, load
 from tests.identification.short_flight import Columns, copied, made_table
@@ -103,6 +103,12 @@ def test_flights_are_filtered_anew_for_errors_that_were_not_taken_out_yet(late: 
     back = late.anew([mass], {"mass": 5.2}, std)
     assert back is not None and back.anew([latency], {key: 9.0}, std) is None
     assert back is not None and back.prepared_at == {} and back.anew([mass], {"mass": 5.2}, std) is None
+
+
+def test_more_evidence_is_asked_for_where_the_wind_is_strong(late: HelicopterBench) -> None:
+    assert late.caution == 1.0 and late.threshold == HelicopterBench.threshold
+    calm, strong = np.array([3.0, -4.0, 0.0]), np.array([0.0, -13.0, 5.0])
+    assert caution([calm]) == 1.0 and caution([calm, strong, calm]) == pytest.approx(4.0)
 
 
 def test_flights_are_prepared_anew_with_play_in_force_and_judged_without_it(late: HelicopterBench) -> None:
