@@ -98,7 +98,7 @@ def _binary(data: bytes) -> tuple[dict[str, Messages], list[str]]:
     while position + HEADER <= size:
         kind = data[position + 2]
         length = lengths[kind]
-        if not data.startswith(MAGIC, position) or not length:
+        if not data.startswith(MAGIC, position) or not length or _no_format(data, position, length, kind):
             onward = data.find(MAGIC, position + 1)
             onward = size if onward < 0 else onward
             first_skipped = position if first_skipped < 0 else first_skipped
@@ -128,6 +128,19 @@ def _binary(data: bytes) -> tuple[dict[str, Messages], list[str]]:
     for form, offsets in (*earlier, *last):
         _merge(messages, _rows(block, np.array(offsets), form))
     return messages, notes
+
+
+def _no_format(data: bytes, position: int, length: int, kind: int) -> bool:
+    """Whether what says that it is a FMT message is another, whose type was broken: senseless, and it holds a message.
+
+    To believe it would cost all messages within its 89 bytes.
+    """
+    body = data[position + HEADER : position + length]
+    if kind != FMT or MAGIC not in body:
+        return False
+    doubts: list[str] = []
+    itself = body[0] == FMT and body[1] == length
+    return not itself and (_format(body, doubts) is None or bool(doubts))
 
 
 def _format(body: bytes, notes: list[str]) -> tuple[int, _Format] | None:

@@ -136,6 +136,18 @@ def test_cut_anywhere_it_gives_its_whole_messages(new, data):
     assert len(notes) <= 1
 
 
+def test_a_message_whose_type_is_broken_into_that_of_a_format_costs_itself_alone(new):
+    whole, complete = new.read_bytes(), parse(new)[0]
+    starts = sorted(int(place) for found in complete.values() for place in found.place)
+    path = new.with_name("broken.BIN")
+    for start in starts[10:-10:7]:
+        broken = bytearray(whole)
+        broken[start + 2] = 0x80
+        path.write_bytes(broken)
+        lost = sum(map(len, complete.values())) - sum(map(len, parse(path)[0].values()))
+        assert lost == 1
+
+
 @given(st.data())
 @FUZZ
 def test_broken_bytes_cost_no_more_than_their_messages(new, data):
