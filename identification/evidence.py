@@ -1,7 +1,7 @@
 """One flight in linear form: innovations, and what every parameter does to them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,12 @@ from identification.causes import CATALOGUE, Cause, Change
 from identification.declared import declared, offsets
 from identification.drive import Driven, Noise, gust_slopes, judge
 from identification.flight import Flight
-from identification.grid import sheared, turned
 from identification.gusts import usual
 from identification.model import Model, tolerance_of
 from identification.noise_fit import Settled
 from identification.null import APPARENT
 from identification.signatures import Signatures
+from identification.slopes import WINDS, knob_slopes, rate_slopes, shear_slope, wind_slopes
 from identification.stack import Rows
 from identification.whitening import sensor_signatures
 from sim.vehicle import Vehicle
@@ -30,31 +30,20 @@ from sim.wind.mean import mean_speed
 Floats = NDArray[np.float64]
 
 DRIVEN = 100  # number of the first channel of the model's; below stand those of the sensors
-# what shows in a tenth of a second needs the simulator's own tick for its slope too
-QUICK = (
-    "terms.servo.delay", "terms.servo.tau", "terms.servo.second", "terms.servo.rate_limit", "terms.flapping",
-    "terms.hub", "inertia", "terms.deadband", "terms.cg_offset", "rotor.nominal_speed", "sensors.imu.position",
-    "terms.main_rotor.inflow_mass", "terms.rotor_droop",
-)  # fmt: skip
-# for the derivative by what is rough, once it is in force
-CLOSE_BY = {"terms.deadband.width": 3e-4, "terms.deadband.release": 0.02}
 FORGOTTEN = 0.9  # of a surprise, a node later
-WIND_STEP = 0.5  # [m/s]
 WIND_CLOSE, WIND_ROUNDS = 0.15, 5  # [m/s] within which a flight's wind is where it belongs; tries to get there
 WIND_REACH = 3.0  # [m/s] that one of them may go
 SPEEDS, DIRECTIONS = (2.5, 5.0, 7.5, 10.0, 12.5, 15.0), 12  # of winds that are looked at first
 LOOKS = 3  # with slopes of their own, from each of two beginnings
-RATE_STEP = 0.01  # [rad/s]
 # known to an eighth; fitted while noise is set high it goes to nothing, and gusts that it follows at once keep it there
 INFLOW = "terms.main_rotor.inflow_mass"
-WINDS = ("wind.e", "wind.n")
 # what the cause `wind` has in common for all flights, and the flight's own that shows alike
 SHARED = {"environment.wind_e": "wind.e", "environment.wind_n": "wind.n", "environment.wind_shear": "local.shear"}
 WINDY = tuple(SHARED)[:2]
 # where the inertial sensor's clock is ahead, commands act that much later by it
 IMU_CLOCK, COMMANDS = "sensors.imu.clock", ("terms.servo.delay", "terms.servo.throttle_delay")
 PORT = "sensors.baro.port_coefficient"
-SHEAR, SHEAR_STEP = "environment.wind_shear", 0.3
+SHEAR = "environment.wind_shear"
 # of a flight's own shear: grass of 1 cm to scrub of 30 cm of roughness changes the profile below 10 m by so much
 SHEAR_STD = 0.3
 
@@ -65,64 +54,6 @@ def testable(vehicle: Vehicle, topics: set[str]) -> tuple[list[Cause], dict[str,
     of_kind = [cause for cause in CATALOGUE.values() if kind in cause.kinds and not cause.counted]
     lacking = {cause.name: [topic for topic in cause.needs if topic not in topics] for cause in of_kind}
     return [cause for cause in of_kind if not lacking[cause.name]], {n: m for n, m in lacking.items() if m}
-
-
-def knob_slopes(
-    model: Model, flight: Flight, wind: Floats, keys: Sequence[str], at: Mapping[str, float] | None = None,
-    rough: bool = False,
-) -> dict[str, Floats]:  # fmt: skip
-    """Derivative (N, 7) of the answer by every one of these numbers, one-sided, about the nominal or changed model.
-
-    rough: all of them in long steps, also of what shows in a tenth of a second.
-    """
-    at = dict(at or {})
-    still = np.zeros(3)
-    steps = {}
-    for key in keys:
-        knob = model.knobs[key]
-        here = at.get(key, knob.nominal)
-        step = knob.step if here == knob.nominal else CLOSE_BY.get(key, knob.step)
-        steps[key] = step if here + step <= knob.high else -step
-    moved = {key: at | {key: at.get(key, model.knobs[key].nominal) + step} for key, step in steps.items()}
-    slopes: dict[str, Floats] = {}
-    for coarse in (False, True):
-        chosen = [key for key in keys if (rough or not key.startswith(QUICK)) is coarse]
-        if not chosen:
-            continue
-        runs = [(wind, at, still), *((wind, moved[key], still) for key in chosen)]
-        base, *found = model.answers(flight.drive, runs, coarse)
-        slopes |= {key: (answer - base) / steps[key] for key, answer in zip(chosen, found, strict=True)}
-    return slopes
-
-
-def wind_slopes(model: Model, flight: Flight, wind: Floats, at: Mapping[str, float]) -> dict[str, Floats]:
-    """Derivative (N, 7) of the answer by the wind at 10 m, east and north."""
-    still, steps = np.zeros(3), WIND_STEP * np.eye(3)[:2]
-    runs = model.answers(flight.drive, [(wind + sign * s, at, still) for s in steps for sign in (1.0, -1.0)])
-    return {name: (runs[2 * i] - runs[2 * i + 1]) / (2.0 * WIND_STEP) for i, name in enumerate(WINDS)}
-
-
-def shear_slope(model: Model, flight: Flight, wind: Floats, at: Mapping[str, float]) -> Floats:
-    """Derivative (N, 7) of the answer by the shear of the mean wind."""
-    drives = [
-        replace(flight.drive, coarse=sheared(flight.drive.coarse, step)) for step in (SHEAR_STEP, -SHEAR_STEP)
-    ]
-    more, less = model.answers_on(drives, wind, at)
-    return np.asarray((more - less) / (2.0 * SHEAR_STEP))
-
-
-def rate_slopes(
-    model: Model, flight: Flight, wind: Floats, rates: Mapping[str, Floats], at: Mapping[str, float]
-) -> dict[str, Floats]:
-    """Derivative (N, 7) of the answer by what the gyro reads too much: rates (N, 3) [rad/s] by key."""
-    if not rates:
-        return {}
-    drive = flight.drive
-    sizes = {key: RATE_STEP / max(float(np.abs(rate).max()), 1e-9) for key, rate in rates.items()}
-    still = np.zeros((len(flight.motion.t), 3))
-    grids = [turned(drive.coarse, rate) for rate in [still, *(rates[key] * sizes[key] for key in rates)]]
-    base, *found = model.answers_on([replace(drive, coarse=grid) for grid in grids], wind, at)
-    return {key: (answer - base) / sizes[key] for key, answer in zip(rates, found, strict=True)}
 
 
 @dataclass(frozen=True, eq=False)
