@@ -22,6 +22,7 @@ class Tables(Mapping[str, Table]):
         for name, path in sorted(_files(folder / group).items()):
             arrow = _read(path, notes)
             if arrow is not None:
+                _check_names(path, arrow)
                 table, found = arrange(arrow, topic_of(group, name), name, str(path))
                 self._tables[name] = table
                 notes += [f"{group}/{note}" for note in found]
@@ -80,6 +81,13 @@ def _files(directory: Path) -> dict[str, Path]:
     """Topic -> file; the finished one where both lie there."""
     files = {path.stem: path for path in directory.glob("*.arrows")}
     return files | {path.stem: path for path in directory.glob("*.parquet")}
+
+
+def _check_names(path: Path, arrow: pa.Table) -> None:
+    try:
+        _ = arrow.column_names
+    except UnicodeDecodeError:
+        raise UserError(f"{path}: a column's name is no text (UTF-8): the file is broken") from None
 
 
 def _read(path: Path, notes: list[str]) -> pa.Table | None:

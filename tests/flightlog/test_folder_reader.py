@@ -217,6 +217,16 @@ def test_an_unknown_topic_is_told_with_the_known(flight):
         _ = read_flight(flight).measured["compass"]
 
 
+def test_a_stream_whose_column_has_a_broken_name_is_one_clear_line(tmp_path):
+    folder = tmp_path / "flight"
+    stream = record(folder, 60, 20)
+    whole = stream.read_bytes()
+    assert b"pressure" in whole
+    stream.write_bytes(whole.replace(b"pressure", b"\x80ressure"))
+    with pytest.raises(UserError, match="a column's name is no text"):
+        read_log(folder)
+
+
 @given(st.data())
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60, deadline=None)
 def test_a_folder_broken_anywhere_is_a_log_or_one_clear_line(tmp_path_factory, data):
