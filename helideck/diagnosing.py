@@ -14,6 +14,7 @@ from scipy.linalg import block_diag
 from flightlog.errors import UserError
 from helideck.estimation import find_mapping
 from identification import counts, extension, gain, parity
+from identification.bench import widened
 from identification.closed_loop import Landing
 from identification.diagnosis import Diagnosis, examine, open_bench
 from identification.intake import sound
@@ -219,7 +220,10 @@ def _extend(found: Diagnosis, verdict: Verdict, flights: Flights, folder: Path) 
         causes=of | dict(beside.of) | {key: cause for key, (_, cause, _, _) in events.items()},
         units={key: found.bench.units[key] for key in of} | dict(beside.units)
         | {key: unit for key, (*_, unit, _) in events.items()},
-        covariance=block_diag(fit.covariance, beside.covariance, np.diag([std**2 for *_, std in events.values()])),
+        covariance=block_diag(
+            widened(found.bench) ** 2 * fit.covariance, beside.covariance,
+            np.diag([std**2 for *_, std in events.values()]),
+        ),
         visited=visited(found.bench),
     )  # fmt: skip
     hashes: Mapping[str, str] = {name: extension.digest(log.path) for name, log in flights.logs.items()}

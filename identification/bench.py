@@ -35,7 +35,7 @@ class Bench(Protocol):
     `start(names)`, where the fit of a set begins; `renew(at)`, which takes slopes anew about `at`, or those of the
     beginning for None; `apart`, true where flights may be taken side by side; `cheap`, true where slopes cost nothing;
     `anew(causes, at, std)`, the same flights prepared about what these causes come to, and `settled(causes, at, std)`,
-    whether they were.
+    whether they were; `widened`, by how much errors are larger than what is linear about the fit says.
     """
 
     vehicle: Vehicle
@@ -60,6 +60,11 @@ class Bench(Protocol):
     def bounded(self, key: str, value: float) -> float:
         """A value brought into the range that makes sense for a parameter."""
         ...
+
+
+def widened(bench: Bench) -> float:
+    """What standard deviations of causes' numbers are multiplied by."""
+    return float(getattr(bench, "widened", 1.0))
 
 
 class OpenBench(Protocol):

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from flightlog.errors import UserError
 from flightlog.tables import Table
 from identification import mistaken
-from identification.bench import Bench
+from identification.bench import Bench, widened
 from identification.classes import confusable, rivals, shares
 from identification.counts import Counted, count
 from identification.credible import contradicted, doubt
@@ -197,7 +197,7 @@ def _parameters(search: Search, best: Names, name: str) -> dict[str, Fitted]:
     fit, bench = search.fit(best), search.bench
     found = {}
     for p in search.causes[name].parameters:
-        value, std = fit.values[p.key], fit.std[p.key]
+        value, std = fit.values[p.key], widened(bench) * fit.std[p.key]
         ends = value - 1.96 * std, value + 1.96 * std
         found[p.name] = Fitted(value, bench.nominal[p.key], std, ends, p.unit)
     return found

@@ -51,6 +51,8 @@ class HelicopterBench:
     # [nats] the best cause of 60 sets of three 60 s flights with nothing wrong gained 10.0 at most; an exponential of
     # the highest fifth puts one set in 500 at 14.1 (docs/diagnosis.md, "Blind benchmark: helicopter"). Beside by hand
     threshold, beside = 14.1, 15.0
+    # root mean square of 46 known numbers' errors in those that the linear fit states: no model is exact
+    widened = 1.32
     apart = True  # flights share nothing that is written: they may be taken side by side
 
     def __init__(
