@@ -45,6 +45,11 @@ def lag_of(vehicle: Vehicle) -> float:
     return float(vehicle.sensors["baro"].numbers["lag"]) if "baro" in vehicle.sensors else 0.0
 
 
+def port_of(vehicle: Vehicle) -> float:
+    """Pressure coefficient of its port."""
+    return float(vehicle.sensors["baro"].numbers["port_coefficient"]) if "baro" in vehicle.sensors else 0.0
+
+
 def lagged(values: Floats, tau: float, step: float) -> Floats:
     """What a lag of first order makes of values (N,) that lie `step` apart; it begins at rest.
 

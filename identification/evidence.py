@@ -100,7 +100,6 @@ class Sheet:
         known, stand_off = declared(flight, vehicle), offsets(flight, vehicle)
         if "baro" in vehicle.sensors and (flight.motion.kinds == k.BARO).any():  # of no size before the wind is known
             open_by = float(tolerance_of(vehicle.document, PORT, "1"))
-            self._port_coefficient = vehicle.sensors["baro"].numbers["port_coefficient"]
             known.append((f"local.{PORT}", Change(np.zeros(scalars)), open_by))
         changes |= {key: change for key, change, _ in known}
         self.local_keys = ["local.shear", *(key for key, _, _ in (*known, *stand_off))]
@@ -151,11 +150,11 @@ class Sheet:
         high = port(motion.velocity[:, :2] - share * self.wind[:2], lag, motion.step)
         dz, still = np.zeros((len(at), 1)), np.zeros((len(motion.t), 3, 1))
         dz[at, 0] = np.interp(motion.times[at] + lag, motion.t, high)
-        self._above[key] = sensor_signatures(
+        self._above[key] = self._above[PORT] = sensor_signatures(
             motion.way, motion.rows, motion.gains, motion.answers, motion.first, motion.step, motion.decay, dz, still,
             still, np.zeros((k.STATES, 1)),
         )[:, 0]  # fmt: skip
-        self._seen = motion.whitened - self._port_coefficient * self._above[key]
+        self._seen = motion.whitened - self.flight.baro_port * self._above[key]
 
     def linearise(self, at: Mapping[str, float] | None = None, rough: bool = False) -> None:
         """Take all slopes anew about some knobs' values (the nominal ones where not given) and the present wind."""

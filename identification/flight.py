@@ -15,7 +15,7 @@ from flightlog.rotations import angles
 from flightlog.tables import Table
 from identification import kinematics as k
 from identification import lens
-from identification.barometer import lag_of, rounded, washed
+from identification.barometer import lag_of, port_of, rounded, washed
 from identification.beginning import SETTLED, levelled, mended, start
 from identification.corrections import bent, corrected
 from identification.first_look import lonely
@@ -83,6 +83,7 @@ class Flight:
     thrust: Floats  # (N,) [N] about: force along the mast times mass
     skids: Floats  # (N,) [m] of the skids above the ground
     baro_lag: float  # [s] by which the barometer was taken to follow
+    baro_port: float  # pressure coefficient that its port was taken to have
     late: frozenset[str]  # topics of which some lateness was taken out
     echoes: tuple[int, int]  # samples of the ranger beyond its reach, and how many of them said they were valid
     notes: tuple[str, ...]
@@ -134,7 +135,7 @@ def prepare(name: str, tables: Mapping[str, Table], vehicle: Vehicle) -> Flight:
         measured[touched] = np.nan  # the ground's force is not the model's
         notes.append(f"on or near the ground for {touched.sum() * STEP:.1f} s: force and moment not judged there")
     return Flight(
-        name, motion, drive, measured, inertial, thrust, skids[:last], lag_of(vehicle),
+        name, motion, drive, measured, inertial, thrust, skids[:last], lag_of(vehicle), port_of(vehicle),
         _late(vehicle), _echoes(tables, vehicle, motion), tuple(notes),
     )  # fmt: skip
 

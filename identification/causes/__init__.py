@@ -12,7 +12,8 @@ NAMES: tuple[str, ...] = (
     "actuator_deadband", "vortex_ring", "tail_rotor_force", "flapping_lag", "baro_drift", "baro_downwash", "baro_lag",
     "gps_bias", "gps_drift", "gps_latency", "camera_latency", "sonar_scale", "imu_bias", "imu_scale",
     "imu_misalignment", "mag_bias", "camera_focal", "camera_tilt",
-    "wind", "rotor_droop", "clock_offset", "lens_distortion", "baro_glitch", "sonar_false_echo",
+    "wind", "rotor_droop", "clock_offset", "lens_distortion", "baro_port", "baro_glitch",
+    "sonar_false_echo",
 )  # fmt: skip
 # of other kinds of vehicle, each of which fits them to its own parts
 ELSEWHERE: tuple[str, ...] = (

@@ -191,6 +191,15 @@ def _baro_lag(v: Vehicle, rng: Rng, share: float) -> Effect:
     return _set("baro_lag", "sensor", "sensors.baro.lag", lag + more, "s", "tau", ("baro",))
 
 
+def _baro_port(v: Vehicle, rng: Rng, share: float) -> Effect:
+    more = share * signed(rng, 0.5, 1.0)
+    if rng.random() < 0.5:
+        return Effect("baro_port", "sensor", "sided", needs=("baro",),
+                      tampering=(lambda world: [foreign.SidedPort(world, more)],))  # fmt: skip
+    value = v.sensors["baro"].numbers["port_coefficient"] + more
+    return _set("baro_port", "sensor", "sensors.baro.port_coefficient", value, "1", "coefficient", ("baro",))
+
+
 def _axes(
     name: str, topic: str, stem: str, axes: Mapping[str, tuple[float, float, str]], nominal: float = 0.0,
     needs: tuple[str, ...] = (),
@@ -325,6 +334,7 @@ EFFECTS: Mapping[str, Draw] = {
     "camera_tilt": _camera("camera_tilt", "sensor", {"roll": (0.025, 0.06, "rad"), "pitch": (0.025, 0.06, "rad")}),
     "clock_offset": _clock_offset, "baro_glitch": _baro_glitch, "sonar_false_echo": _sonar_false_echo,
     "wind": _wind, "rotor_droop": _rotor_droop, "lens_distortion": _lens_distortion,
+    "baro_port": _baro_port,
 }  # fmt: skip
 
 # what no catalogue holds: (effect, channel that shows it, what it depends on)

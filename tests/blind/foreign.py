@@ -176,6 +176,24 @@ class BellWash:
 
 
 @dataclass
+class SidedPort:
+    """A barometer's port that feels air from ahead and behind more than from the sides."""
+
+    world: World
+    coefficient: float
+    topic: str = "baro"
+    ahead: float = 1.1  # times as much as on the mean; from the sides as much less
+
+    def apply(self, sample: Measurement, t: float, rng: np.random.Generator) -> Measurement | None:
+        """The sample with the dynamic pressure's height error."""
+        del t, rng
+        truth = self.world.truth
+        u, v, _ = truth.rotation.T @ (truth.velocity - truth.wind)
+        felt = self.ahead * u**2 + (2.0 - self.ahead) * v**2
+        return _moved(sample, -0.5 * self.coefficient * felt / GRAVITY)
+
+
+@dataclass
 class Boxcar:
     """A barometer that gives the mean of its last samples."""
 
