@@ -127,7 +127,8 @@ def innovations(
         gains (N, 7, 10), spreads (N, 7), out (N, 7): written; out: innovations in units of the measurement. A spread
             of inf: nothing measured; of RESTART: a reading from which the count begins.
 
-    Where no force is measured (on the ground), rates and rotor speed are followed anew from the next reading on.
+    The mean rate of a node is another than that of the one before by what blew on either, half each. Where no force is
+    measured (on the ground), rates and rotor speed are followed anew from the next reading on.
     """
     x = np.zeros(10)  # gust (3), rate (3), rotor speed; upwards: followed by the inflow, mean gust and mean followed
     cov = np.zeros((10, 10))
@@ -153,7 +154,7 @@ def innovations(
             f[i, i] = keep[n, i]
         for i in range(4):
             for j in range(3):
-                f[3 + i, j] = step * gust[n, 3 + i, j] * keep[n, j]
+                f[3 + i, j] = 0.5 * step * gust[n, 3 + i, j] * (1.0 + keep[n, j])
         x = f @ x
         for i in range(4):
             x[3 + i] += step * model[n, 3 + i]
@@ -162,11 +163,11 @@ def innovations(
             q = (1.0 - keep[n, i] ** 2) * gust_std[n, i] ** 2
             cov[i, i] += q
             for a in range(4):
-                turn = step * gust[n, 3 + a, i]
+                turn = 0.5 * step * gust[n, 3 + a, i]
                 cov[3 + a, i] += turn * q
                 cov[i, 3 + a] += turn * q
                 for b in range(4):
-                    cov[3 + a, 3 + b] += turn * step * gust[n, 3 + b, i] * q
+                    cov[3 + a, 3 + b] += turn * 0.5 * step * gust[n, 3 + b, i] * q
         q = (1.0 - keep[n, 2] ** 2) * gust_std[n, 2] ** 2
         for i in range(4):
             for j in range(4):
@@ -174,7 +175,7 @@ def innovations(
                     cov[up[i], up[j]] += fresh[i, j] * q
         for a in range(4):
             for j in range(1, 4):
-                cov[3 + a, up[j]] += step * gust[n, 3 + a, 2] * fresh[0, j] * q
+                cov[3 + a, up[j]] += 0.5 * step * gust[n, 3 + a, 2] * fresh[0, j] * q
                 cov[up[j], 3 + a] = cov[3 + a, up[j]]
         for i in range(4):
             cov[3 + i, 3 + i] += process[3 + i] ** 2

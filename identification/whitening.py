@@ -79,13 +79,13 @@ def drive_signatures(gust, sooner, follow, gains, spreads, step, keep, model, me
             up, followed = x[2, c], x[7, c]
             for i in range(1, 4):
                 x[6 + i, c] = follow[i, 0] * up + follow[i, 1] * followed
-            for i in range(3):
-                x[i, c] *= keep[n, i]
             for i in range(4):
                 push = model[n, 3 + i, c]
                 for j in range(3):
-                    push += gust[n, 3 + i, j] * x[j, c]
+                    push += 0.5 * gust[n, 3 + i, j] * (1.0 + keep[n, j]) * x[j, c]
                 x[3 + i, c] += step * push
+            for i in range(3):
+                x[i, c] *= keep[n, i]
         for k in range(7):
             if spreads[n, k] < 0.0:
                 for c in range(columns):

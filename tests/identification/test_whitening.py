@@ -369,8 +369,9 @@ def test_taking_out_gusts_is_the_likelihood_with_all_gusts_integrated_over() -> 
                 continue
             row = np.zeros(len(prior))
             for m in range(1, n + 1):
-                row[2 * m : 2 * m + 2] = STEP * gust[m, k, :2]
-                row += STEP * gust[m, k, 2] * up[m, 0]
+                for at in (m - 1, m):  # a mean rate changes by what blew on either node
+                    row[2 * at : 2 * at + 2] += 0.5 * STEP * gust[m, k, :2]
+                    row += 0.5 * STEP * gust[m, k, 2] * up[at, 0]
                 row[steps + 4 * (m - 1) + k - 3] = 1.0
             row[steps + 4 * (nodes - 1) + k - 3] = 1.0
             grown = measured[0, k] + STEP * model[1 : n + 1, k].sum()
