@@ -26,6 +26,7 @@ from identification.report.unforeseen import at_rest, helicopter
 from identification.told import told
 from identification.unknown.table import tables
 from identification.verdict import NotTestable, Verdict
+from identification.widening import covariance
 from sim import kinds
 
 STEPS = 6
@@ -212,7 +213,7 @@ def record(found: Diagnosis, measured: gain.Gain | None, file: Path) -> None:
 def _extend(found: Diagnosis, verdict: Verdict, flights: Flights, folder: Path) -> kinds.AnyVehicle:
     """Write extended.toml; the vehicle that it makes."""
     names = tuple(sorted(cause.name for cause in verdict.causes if cause.name in found.causes))
-    fit = found.search.fit(names)
+    fit, chosen = found.search.fit(names), [found.search.causes[name] for name in names]
     of = {p.key: name for name in names for p in found.search.causes[name].parameters}
     beside, events = tables(found.unknown, found.bench.vehicle), counts.told(verdict.causes, len(found.bench.names))
     delta = extension.Delta(
@@ -221,7 +222,7 @@ def _extend(found: Diagnosis, verdict: Verdict, flights: Flights, folder: Path) 
         units={key: found.bench.units[key] for key in of} | dict(beside.units)
         | {key: unit for key, (*_, unit, _) in events.items()},
         covariance=block_diag(
-            widened(found.bench) ** 2 * fit.covariance, beside.covariance,
+            covariance(chosen, fit, found.bench.nominal, widened(found.bench)), beside.covariance,
             np.diag([std**2 for *_, std in events.values()]),
         ),
         visited=visited(found.bench),

@@ -7,7 +7,7 @@ vehicle) and the best of wrong explanations is not asserted.
 
 import numpy as np
 
-from identification.evidence import DRIVEN
+from identification.evidence import DRIVEN, INFLOW
 from identification.helicopter import HelicopterBench
 from identification.left_over import left_over
 from identification.search import Names, Search
@@ -16,12 +16,13 @@ FEWEST = 30  # rows of a channel that is looked at
 CONTRADICTED = 5.0  # mean square of a sensor's innovations, in those expected
 # [rad/s] that rates change by no cause in a node of 0.04 s: sound models below 0.002, wrong ones up to 0.02 and 0.01
 SHAKEN = (0.02, 0.014, 0.025)
+STRAINED = 8.0  # tolerances by which the best explanation moves a number: sound flights and right names, 4.4 at most
 PLAY = 5.0  # times as much where servos have play
 
 
 def doubt(search: Search, best: Names) -> str | None:
     """Why even the best explanation cannot be trusted; None where it can."""
-    return _shaken(search, best) or contradicted(search, best)
+    return _shaken(search, best) or contradicted(search, best) or _strained(search, best)
 
 
 def _shaken(search: Search, best: Names) -> str | None:
@@ -41,6 +42,27 @@ def _shaken(search: Search, best: Names) -> str | None:
                 "flight of a sound model leaves open; swapped, of another clock, flight or vehicle, or in another unit"
             )
     return None
+
+
+def _strained(search: Search, best: Names) -> str | None:
+    bench = search.bench
+    if not isinstance(bench, HelicopterBench) or "actuator_deadband" in best:
+        return None
+    fit = search.fit(best)
+    own = {p.key for name in best for p in search.causes[name].parameters} | {INFLOW}
+    off = {
+        key: abs(fit.at.get(key, bench.nominal[key]) + fit.step.get(key, 0.0) - bench.nominal[key]) / std
+        for key, std in bench.tolerances.items()
+        if std > 0.0 and key not in own
+    }
+    worst = max(off, key=lambda key: off[key])
+    if off[worst] <= STRAINED:
+        return None
+    blown = ", in wind as strong as this a gust's reach is not straight" if bench.caution > 1.0 else ""
+    return (
+        f"{worst} would have to be {off[worst]:.0f} of its tolerances from the vehicle file's value, and nothing that "
+        f"has a name explains it better: another vehicle, or something wrong that no cause stands for{blown}"
+    )
 
 
 def contradicted(search: Search, best: Names) -> str | None:

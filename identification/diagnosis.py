@@ -30,6 +30,7 @@ from identification.verdict import (
     Number,
     Verdict,
 )
+from identification.widening import covariance
 from sim.kinds import AnyVehicle
 
 BENCHES: Mapping[str, str] = {
@@ -195,9 +196,12 @@ def _asserted(search: Search, best: Names, name: str) -> Asserted:
 
 def _parameters(search: Search, best: Names, name: str) -> dict[str, Fitted]:
     fit, bench = search.fit(best), search.bench
+    chosen = [search.causes[n] for n in best]
+    stds = np.sqrt(np.diag(covariance(chosen, fit, bench.nominal, widened(bench))))
+    std_of = dict(zip(fit.values, stds.tolist(), strict=True))
     found = {}
     for p in search.causes[name].parameters:
-        value, std = fit.values[p.key], widened(bench) * fit.std[p.key]
+        value, std = fit.values[p.key], std_of[p.key]
         ends = value - 1.96 * std, value + 1.96 * std
         found[p.name] = Fitted(value, bench.nominal[p.key], std, ends, p.unit)
     return found

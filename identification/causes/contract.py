@@ -25,6 +25,7 @@ class Parameter:
     spread: float  # one standard deviation of how large it may be, where the cause is at work
     nominal: float = 0.0  # of a sensor's parameter; a knob knows its own
     tolerance: str | None = None  # vehicle file's number that says how large it is where nothing is wrong
+    open_share: float = 0.0  # of what it is found to be off by, one standard deviation that more data would not close
 
 
 @dataclass(frozen=True)
