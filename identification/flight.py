@@ -305,7 +305,8 @@ def _filter(
             # where the ground carries the vehicle, nobody knows what the rotor does
             standing = np.interp(times, imu_t[ends], _touched(height)) > 0.0
             unsure = np.where(standing, np.abs(wash), 0.0) + picture
-            stds = stds * noise_factors(kinds, times, stds, answers, imu_t[0] + SETTLED, measurements[4])[kinds]
+            counts = (times >= imu_t[0] + SETTLED) & ~standing
+            stds = stds * noise_factors(kinds, counts, stds, answers, measurements[4])[kinds]
     motion = Motion(
         STEP, imu_t[ends], first, kinds, times, values, stds, decay, way, rows, gains, answers,
         samples[ends, :3], samples[ends, 3:6], samples[ends, 6:],

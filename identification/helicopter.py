@@ -42,6 +42,7 @@ SETTLED_BY, SETTLED_WITHIN, PLAY_BY = 0.1, 0.7, 0.02
 STRONG = 6.5
 MOVED = 0.5  # of a tolerance, beyond which a slope is taken anew
 
+MEASURED = ("m/s^2",) * 3 + ("rad/s",) * 4  # moments are seen by what rates make of them
 SCALAR_UNITS = {"gps": "m", "baro": "m", "sonar": "m", "mag": "uT", "pad": "m"}
 
 
@@ -265,7 +266,7 @@ class HelicopterBench:
     def _judge(self) -> Baseline:
         names = [channel.name for number, channel in sorted(self.channels.items()) if number >= ev.DRIVEN]
         levels = {
-            name: (level, UNITS[i]) for i, (name, level) in enumerate(zip(names, self.noise.noise, strict=True))
+            name: (level, MEASURED[i]) for i, (name, level) in enumerate(zip(names, self.noise.noise, strict=True))
         }
         winds = np.mean([sheet.wind for sheet in self.sheets], axis=0)
         gust = float(np.mean([(sheet.gust.std * sheet.noise.gust_share)[:, 0].mean() for sheet in self.sheets]))

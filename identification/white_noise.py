@@ -17,9 +17,12 @@ CHI2_MEDIAN = 0.4549  # median of chi-square with one degree of freedom
 
 
 def noise_factors(
-    kinds: Ints, times: Floats, stds: Floats, answers: Floats, begin: float, declared: Floats
+    kinds: Ints, counts: NDArray[np.bool_], stds: Floats, answers: Floats, declared: Floats
 ) -> Floats:
     """(KINDS,) by which each kind's white noise is larger than taken so far; by medians: outliers do not count.
+
+    counts (M,): what is looked at; what stands on the ground is no measure, a range that is told in steps is always the
+    same there.
 
     Less than declared is believed only where it is white: a sensor that gives running means is quiet from sample to
     sample and no better over a second. White noise of the same density at low frequency is sqrt((1 + c) / (1 - c))
@@ -28,7 +31,7 @@ def noise_factors(
     """
     factors = np.ones(k.KINDS)
     for kind in range(k.KINDS):
-        at = (kinds == kind) & (times >= begin) & (answers[:, 2] > 0)
+        at = (kinds == kind) & counts & (answers[:, 2] > 0)
         if np.count_nonzero(at) < LEAST_SAMPLES:
             continue
         nu, s, r = answers[at, 0], answers[at, 1], stds[at]

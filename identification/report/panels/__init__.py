@@ -10,7 +10,7 @@ from importlib import import_module
 from identification.report.findings import Findings
 
 NAMES: tuple[str, ...] = (
-    "headline", "heights", "unexplained", "structure", "channels", "evidence", "course", "detection",
+    "contradiction", "headline", "heights", "unexplained", "structure", "channels", "evidence", "course", "detection",
 )  # fmt: skip - in their order
 
 

@@ -54,6 +54,9 @@ def test_nothing_wrong_and_no_verdict_are_said_so(diagnosed: Any, tmp_path: Path
     assert "No verdict" in sentence(refused)
     assert "force_z is not white" in sentence(refused)
     assert panels(Findings(replace(refused, candidates=[]), None, None)) == []
+    shown = panels(Findings(refused, diagnosis, None))
+    assert shown[0].name == "contradiction" and shown[0].png.startswith(b"\x89PNG")
+    assert "contradiction" not in [panel.name for panel in panels(Findings(diagnosis.verdict, diagnosis, None))]
 
 
 def test_power_is_that_of_the_information(diagnosed: Any) -> None:
