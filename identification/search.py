@@ -19,6 +19,7 @@ REFITTED = 4  # of the best of a screening
 CLOSE = 1.0  # [nats] to what the screening promised, where no other start is tried
 WORTH = 0.2  # of the threshold, in linear evidence: below it a cause is not refitted, but for rough ones
 HOPELESS = 0.05  # of what another cause gained, in linear evidence, below which a cause is not refitted
+INEXACT = 0.01  # of what a set explains, that a further cause must gain
 LEAST = -2.0  # [nats] of linear evidence below which no larger set is looked at
 MOST = 3  # causes in a set
 FEW = 14  # causes, up to which every set of them is looked at
@@ -41,8 +42,13 @@ class Search:
         return self.fit(())
 
     def _needed(self, names: Names) -> float:
-        """What a further cause must gain on top of this set: what the first leaves is not as sound as flights are."""
-        return max(self.threshold, float(getattr(self.bench, "beside", 0.0))) if names else self.threshold
+        """What a further cause must gain on top of this set: what the first leaves is not as sound as flights are.
+
+        The less so the more the set explains: no form is right to a hundredth.
+        """
+        if not names:
+            return self.threshold
+        return max(self.threshold, float(getattr(self.bench, "beside", 0.0)), INEXACT * self.gain(names))
 
     @property
     def causes(self) -> Mapping[str, Cause]:
