@@ -161,3 +161,13 @@ def test_a_cause_beside_another_must_gain_what_the_bench_asks_of_it() -> None:
     gained = alone.gain(("late", "wide")) - max(alone.gain(("late",)), alone.gain(("wide",)))
     bench.beside = gained + 1.0
     assert len(Search(bench, 5.0).run()) == 1
+
+
+def test_a_cause_beside_a_large_one_must_gain_a_share_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench: Any = RenewingBench({DELAY: 1.1, WIDTH: 1.25})
+    search = Search(bench, 5.0)
+    assert set(search.run()) == {"late", "wide"}
+    larger = max(search.gain(("late",)), search.gain(("wide",)))
+    share = (search.gain(("late", "wide")) - larger) / larger
+    monkeypatch.setattr("identification.search.INEXACT", 1.1 * share)
+    assert len(Search(bench, 5.0).run()) == 1
