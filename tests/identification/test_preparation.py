@@ -109,7 +109,8 @@ def test_flights_are_filtered_anew_for_errors_that_were_not_taken_out_yet(late: 
 def test_more_evidence_is_asked_for_where_the_wind_is_strong(late: HelicopterBench) -> None:
     assert late.caution == 1.0 and late.threshold == HelicopterBench.threshold
     calm, strong = np.array([3.0, -4.0, 0.0]), np.array([0.0, -13.0, 5.0])
-    assert caution([calm]) == 1.0 and caution([calm, strong, calm]) == pytest.approx(4.0)
+    assert caution([calm], [1.5]) == 1.0 and caution([calm], [6.0]) == 3.0
+    assert caution([calm, strong, calm], [1.0] * 3) == pytest.approx(256.0) == caution([3.0 * strong], [1.0])
 
 
 def test_flights_are_prepared_anew_with_play_in_force_and_judged_without_it(late: HelicopterBench) -> None:
