@@ -149,15 +149,16 @@ def _likeliest(search: Search, best: Names) -> Bench | None:
     found = _anew(search, best)
     if found is None or search.gain(best) < FAR or getattr(search.bench, "prepared_at", None):
         return found
-    gains = [search.gain(best)]
-    benches = [found]
+    gains, least = [search.gain(best)], Search(found).null.cost
     for names in sorted(search.refits, key=lambda names: -search.gain(names)):
         gain = search.gain(names)
-        if len(names) != len(best) or gain < NEAR * gains[0] or len(benches) > RIVALS:
+        if len(names) != len(best) or gain < NEAR * gains[0] or len(gains) > RIVALS:
             continue
         if min(abs(gain - other) for other in gains) > ALIKE and (other := _anew(search, names)) is not None:
-            gains, benches = [*gains, gain], [*benches, other]
-    return min(benches, key=lambda bench: Search(bench).null.cost)
+            gains.append(gain)
+            cost = Search(other).null.cost
+            found, least = (other, cost) if cost < least else (found, least)  # the other one takes half a GiB
+    return found
 
 
 def _anew(search: Search, best: Names) -> Bench | None:
