@@ -7,7 +7,7 @@ vehicle) and the best of wrong explanations is not asserted.
 
 import numpy as np
 
-from identification.evidence import DRIVEN, INFLOW
+from identification.evidence import DRIVEN
 from identification.helicopter import HelicopterBench
 from identification.left_over import left_over
 from identification.search import Names, Search
@@ -49,7 +49,7 @@ def _strained(search: Search, best: Names) -> str | None:
     if not isinstance(bench, HelicopterBench) or "actuator_deadband" in best:
         return None
     fit = search.fit(best)
-    own = {p.key for name in best for p in search.causes[name].parameters} | {INFLOW}
+    own = {p.key for name in best for p in search.causes[name].parameters}
     off = {
         key: abs(fit.at.get(key, bench.nominal[key]) + fit.step.get(key, 0.0) - bench.nominal[key]) / std
         for key, std in bench.tolerances.items()

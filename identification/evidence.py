@@ -35,7 +35,7 @@ WIND_CLOSE, WIND_ROUNDS = 0.15, 5  # [m/s] within which a flight's wind is where
 WIND_REACH = 3.0  # [m/s] that one of them may go
 SPEEDS, DIRECTIONS = (2.5, 5.0, 7.5, 10.0, 12.5, 15.0), 12  # of winds that are looked at first
 LOOKS = 3  # with slopes of their own, from each of two beginnings
-# known to an eighth; fitted while noise is set high it goes to nothing, and gusts that it follows at once keep it there
+# fitted while noise is set high it goes to nothing, and gusts that it follows at once keep it there: see `helicopter`
 INFLOW = "terms.main_rotor.inflow_mass"
 # what the cause `wind` has in common for all flights, and the flight's own that shows alike
 SHARED = {"environment.wind_e": "wind.e", "environment.wind_n": "wind.n", "environment.wind_shear": "local.shear"}

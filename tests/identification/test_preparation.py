@@ -12,7 +12,7 @@ from identification import kinematics as k
 from identification.barometer import lagged
 from identification.causes import CATALOGUE
 from identification.drive import Noise
-from identification.evidence import DRIVEN, Sheet
+from identification.evidence import DRIVEN, INFLOW, Sheet
 from identification.flight import Flight, prepare
 from identification.helicopter import HelicopterBench, caution
 from identification.model import Model
@@ -167,3 +167,9 @@ def test_what_a_ranger_says_on_the_ground_is_no_measure_of_its_noise() -> None:
     answers = np.column_stack([innovations, stds, np.ones(2 * count)])
     assert noise_factors(kinds, flies, stds, answers, stds)[k.SONAR] == pytest.approx(1.0, abs=0.2)
     assert noise_factors(kinds, np.full(2 * count, True), stds, answers, stds)[k.SONAR] < 0.7
+
+
+def test_the_inflow_s_mass_stays_where_its_tolerance_lets_it(late: HelicopterBench) -> None:
+    knob = late.model.knobs[INFLOW]
+    assert late.bounded(INFLOW, 0.05) == pytest.approx(knob.nominal - 3.0 * knob.tolerance)
+    assert late.bounded(INFLOW, 0.9) == 0.9
