@@ -41,7 +41,7 @@ SETTLED_BY, SETTLED_WITHIN, PLAY_BY = 0.1, 0.7, 0.02
 # sets blew at up to 6.5 with gusts of 1.6 at most. In 8.6 a centre of mass was named at 92 nats, in 10 a droop at 120,
 # where gusts were twice as strong as belongs to the wind a droop at 25
 STRONG, STEEP, GUSTY = 6.5, 8, 2.0
-ASTRAY = 3.0  # tolerances that the inflow's mass may be low by: beyond lies a valley of its own, in which lags are false
+ASTRAY = 3.0  # tolerances that the inflow's mass may be low by: beyond lies a valley in which lags are false
 MOVED = 0.5  # of a tolerance, beyond which a slope is taken anew
 
 MEASURED = ("m/s^2",) * 3 + ("rad/s",) * 4  # moments are seen by what rates make of them
