@@ -47,7 +47,7 @@ class TwoWitnesses:
         return value
 
 
-@pytest.mark.parametrize(("seen", "found"), [(1.0, ("gyro",)), (0.3, ("gyro",)), (0.1, ()), (0.0, ())])
+@pytest.mark.parametrize(("seen", "found"), [(1.0, ("gyro",)), (0.25, ("gyro",)), (0.1, ()), (0.0, ())])
 def test_an_error_of_a_sensor_needs_that_the_others_do_not_deny_it(seen: float, found: tuple[str, ...]) -> None:
     search = Search(TwoWitnesses(seen, 1.0), 15.0)
     assert search.run() == found

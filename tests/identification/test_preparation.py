@@ -173,3 +173,20 @@ def test_the_inflow_s_mass_stays_where_its_tolerance_lets_it(late: HelicopterBen
     knob = late.model.knobs[INFLOW]
     assert late.bounded(INFLOW, 0.05) == pytest.approx(knob.nominal - 3.0 * knob.tolerance)
     assert late.bounded(INFLOW, 0.9) == 0.9
+
+
+def test_noise_is_taken_from_the_flight_and_not_from_the_ground(
+    flown: Columns, raptor: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked_at: list[NDArray[np.bool_]] = []
+
+    def seen(kinds: Floats, counts: NDArray[np.bool_], *others: Floats) -> Floats:
+        looked_at.append(counts)
+        return np.ones(k.KINDS)
+
+    monkeypatch.setattr("identification.flight.noise_factors", seen)
+    monkeypatch.setattr("identification.flight._touched", lambda height: np.arange(len(height)) < len(height) // 2)
+    prepared(flown, raptor)
+    for counts in looked_at:
+        assert not counts[: int(0.45 * len(counts))].any() and counts[int(0.55 * len(counts)) :].all()
+    assert looked_at
